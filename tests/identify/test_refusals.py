@@ -108,6 +108,16 @@ def test_noise_is_that_of_the_encoders(good):
     assert encoder_noise([good]) == pytest.approx(true, rel=0.1)
 
 
+def test_gaps_in_each_second_row_switch_no_refusal_off(good):
+    """No second difference is left; the noise is unknown, and not no number."""
+    gaps = good.measured.joint_position.copy()
+    gaps[::2] = np.nan
+    noise = encoder_noise([with_joints(good, gaps)])
+    assert noise == 0.0
+    with pytest.raises(LogError, match="no robot makes this log"):
+        check_explained(0.1, 0.0999, noise, told=True)
+
+
 def test_a_fit_that_explains_nothing_is_refused(good, monkeypatch):
     """Of a log that no robot makes, or where nothing is fitted: no numbers are told."""
     monkeypatch.setitem(fit._SEARCHES, "held", 0)

@@ -73,7 +73,7 @@ class KeyPoseBuild(GaitBuild):
         return WorldRange(speed_limit_deg_s=speed_limit, **unsure(poses.robot))
 
     def trial_worlds(self) -> tuple[WorldRange, Mapping[str, Any]]:
-        """See `GaitBuild`; the same worlds as in training."""
+        """See `GaitBuild`; as in training, but for what is unknown of a robot."""
         return WorldRange(), {}
 
     def planned_cost(self, poses: KeyPoses, timing: Timing, gaits: IntArray) -> Array:

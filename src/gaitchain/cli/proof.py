@@ -65,7 +65,8 @@ def prove_bound(
 def _begun(plain: GaitLibrary, criterion: Criterion, out: Path) -> Journal:
     """Open the journal of a library without a proof, and say how much will be walked.
 
-    Walks depend on their length alone, so that another bound goes on from them.
+    Walks depend on their length alone, so that another bound goes on from those that
+    were drawn before the first chosen ones (`fall_rate`), whose turn depends on it.
 
     Raises:
         CommandError: the walks would be too short.
