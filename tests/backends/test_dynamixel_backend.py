@@ -9,7 +9,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from servo_bench import PATIENT_S, STAND, TURN, angles_deg, bench, few, mounted_oddly
+from servo_bench import (
+    PATIENT_S,
+    STAND,
+    TURN,
+    angles_deg,
+    bench,
+    few,
+    mounted_oddly,
+    patient_bus,
+)
 
 from gaitchain.backends.dynamixel import DynamixelBackend, ServoBusEmulator
 from gaitchain.backends.dynamixel.calibration import ImuCalibration
@@ -88,7 +97,8 @@ def test_velocities_are_those_of_the_joints():
 
 def test_the_joints_come_in_the_walkers_order():
     calibration = few(3)
-    with ServoBusEmulator.like(calibration, np.array([0.1, 0.2, 0.3])) as bus:
+    emulated = ServoBusEmulator.like(calibration, np.array([0.1, 0.2, 0.3]))
+    with patient_bus(), emulated as bus:
         robot = DynamixelBackend(bus.port, calibration, ("c", "a"), PATIENT_S)
         robot.connect(np.zeros(2))
         assert robot.read().joint_position == pytest.approx([0.3, 0.1], abs=STEP)

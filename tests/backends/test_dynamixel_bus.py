@@ -257,6 +257,9 @@ def test_what_must_succeed_waits_twice_as_long_at_each_attempt(late_s, found):
     bus = ServoBus("late", 1_000_000, 0.01, lambda *_: port)
     bus.open()
     assert bus.read_surely([1], GOAL) == ({1: value} if found else {})
+    port.next = encode(1, STATUS, b"\0" + (1020).to_bytes(2, "little") + b"\0")
+    assert bus.find([1]) == ({1: 1020} if found else {})
+    port.next = encode(1, STATUS, b"\0" + value)
     assert bus.write_surely(GOAL, {1: value}) == ([] if found else [1])
     assert bus.patience_s == 0.01
 

@@ -142,6 +142,22 @@ class ServoBus:
             models |= {number: self.ping(number) for number in silent}
         return {number: model for number, model in models.items() if model is not None}
 
+    def find(self, ids: Iterable[int]) -> dict[int, int]:
+        """Return the model numbers by id of those of some devices that answer.
+
+        Each attempt waits twice as long as the one before: on a busy computer an answer
+        is late, not lost.
+
+        Raises:
+            BackendError: the port is lost.
+        """
+        wanted, models = list(ids), dict[int, int]()
+        for attempt in range(_TRIES):
+            with self._as_patient(2**attempt):
+                found = {n: self.ping(n) for n in wanted if n not in models}
+            models |= {n: model for n, model in found.items() if model is not None}
+        return models
+
     def read(self, number: int, block: Block) -> Answer | None:
         """Read a block of one device's table; None if it does not answer.
 

@@ -43,7 +43,7 @@ def survey(bus: ServoBus, joints: Mapping[str, JointCalibration]) -> list[ServoS
     Raises:
         BackendError: a servo does not answer, or differs from the calibration.
     """
-    models = bus.scan(joint.id for joint in joints.values())
+    models = bus.find(joint.id for joint in joints.values())
     silent = [label(name, j) for name, j in joints.items() if j.id not in models]
     if silent:
         none_answers = len(silent) == len(joints)
