@@ -21,8 +21,7 @@ from gaitchain.cli.cluster import on_backend
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.cli.options import Qualify
 from gaitchain.gait.library_file import load_library
-from gaitchain.proof import fall_rate
-from gaitchain.proof.fall_rate import Criterion, mild_cells
+from gaitchain.proof.fall_rate import Criterion, ProofWalks, mild_cells
 
 PARTS = 10
 
@@ -63,7 +62,7 @@ def descendants(pid):
 def measure(options):
     library = load_library(shipped_library())
     criterion, cells = Criterion(1e-4, seconds=options.seconds), mild_cells(library)
-    walks = fall_rate._walk_on(library, criterion, cells, options.workers)
+    walks = ProofWalks(library, criterion, cells, options.workers).drawn()
     digest, rows, part = hashlib.sha256(), [], max(options.walks // PARTS, 1)
     for done in range(0, options.walks, part):
         began, used_s, spent = time.monotonic(), all_cpu_s(), 0

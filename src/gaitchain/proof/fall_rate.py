@@ -137,7 +137,7 @@ def prove(library: GaitLibrary, criterion: Criterion, crew: Crew) -> GaitLibrary
     longest = _longest(plain, criterion)
     tally = _Tally(plain, cells, longest)
     test = RateTest(criterion.bound, longest, criterion.confidence)
-    walks = _Walks(plain, criterion, cells, crew.workers)
+    walks = ProofWalks(plain, criterion, cells, crew.workers)
     verdict, stage = test.verdict, "walking for the proof"
     crew.tell(stage, 0, 100)
     for walk in walks.drawn():
@@ -151,7 +151,7 @@ def prove(library: GaitLibrary, criterion: Criterion, crew: Crew) -> GaitLibrary
     return library.proven(tally.report(criterion, verdict))
 
 
-def _cover(tally: "_Tally", test: RateTest, walks: "_Walks", crew: Crew) -> Verdict:
+def _cover(tally: "_Tally", test: RateTest, walks: "ProofWalks", crew: Crew) -> Verdict:
     """Walk once wherever no draw has led; return what is known then."""
     missing = tally.missing
     if missing:
@@ -245,7 +245,7 @@ def _draw_schedule(
     return library.family.random_schedule(rng, most, criterion.seconds)
 
 
-class _Walks:
+class ProofWalks:
     """The walks of a proof, by their numbers."""
 
     def __init__(
@@ -255,6 +255,14 @@ class _Walks:
         cells: list[Cell],
         workers: int,
     ) -> None:
+        """Make ready.
+
+        Args:
+            library: the gaits, without a proof.
+            criterion: says how long the walks are.
+            cells: the mild worlds.
+            workers: processes at once.
+        """
         self._fixed = library, criterion, cells, impulse_scale(library)[2]
         self._entropy, self._workers = seed_of(library), workers
 
