@@ -7,6 +7,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from lying_robot import keeps_its_limits
 from planned_library import planned_library
 
 from gaitchain.discover.loaded_robot import load_robot
@@ -137,15 +138,7 @@ def test_a_way_keeps_the_limits_of_the_joints(robot):
     rng = np.random.default_rng(3)
     for _ in range(20):
         way = way_of(robot, rng.normal(0.0, 3.0, len(still(robot))))
-        last = robot.stand
-        for pose in way.poses:
-            angles = np.array(pose.angles)
-            assert (angles >= robot.lower - 1e-4).all()
-            assert (angles <= robot.upper + 1e-4).all()
-            fastest = 1.5 * np.abs(angles - last) / pose.seconds
-            assert (fastest <= 1.01 * robot.speed_limit).all()
-            last = angles
-        np.testing.assert_allclose(last, robot.stand, atol=1e-4)
+        assert keeps_its_limits(robot, way.poses)
 
 
 def test_who_stands_is_worth_more_than_who_lies_or_falls_again():

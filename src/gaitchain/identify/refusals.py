@@ -84,11 +84,7 @@ def encoder_noise(parts: Sequence[MotionLog]) -> float:
 
 def _check_measured(joint_names: Sequence[str], part: MotionLog) -> None:
     there = np.isfinite(part.measured.joint_position).mean(axis=0)
-    few = [
-        f"{name} in {share:.0%}"
-        for name, share in zip(joint_names, there.tolist(), strict=True)
-        if share < _MEASURED
-    ]
+    few = _below(_MEASURED, joint_names, there, "{} in {:.0%}")
     if few:
         raise LogError(
             f"joints were measured in too few rows of the motion {_of(part)!r}: "
@@ -99,15 +95,12 @@ def _check_measured(joint_names: Sequence[str], part: MotionLog) -> None:
 
 def _check_moved(joint_names: Sequence[str], parts: Sequence[MotionLog]) -> None:
     spans = np.max([np.ptp(part.motion.targets, axis=0) for part in parts], axis=0)
-    still = [
-        f"{name} by {math.degrees(span):.1f} deg"
-        for name, span in zip(joint_names, spans.tolist(), strict=True)
-        if span < USUAL_PLAY_RAD
-    ]
+    least_deg = math.degrees(USUAL_PLAY_RAD)
+    still = _below(least_deg, joint_names, np.degrees(spans), "{} by {:.1f} deg")
     if still:
         raise LogError(
             f"joints were hardly asked to move: {_listed(still)}; below "
-            f"{math.degrees(USUAL_PLAY_RAD):.1f} deg play may hide what a servo does. "
+            f"{least_deg:.1f} deg play may hide what a servo does. "
             "Give the log of a whole exercise; widen limits that leave a joint less"
         )
 
@@ -128,6 +121,14 @@ def _check_followed(joint_names: Sequence[str], part: MotionLog) -> None:
             "Look whether the servos have power and torque, and turn the right way; "
             "exercise again"
         )
+
+
+def _below(
+    least: float, joint_names: Sequence[str], values: Array, form: str
+) -> list[str]:
+    """Return the joints of a lower value, with it."""
+    of_joints = zip(joint_names, values.tolist(), strict=True)
+    return [form.format(name, value) for name, value in of_joints if value < least]
 
 
 def _followed(targets: Array, shown: Array) -> Array:
