@@ -21,7 +21,7 @@ from gaitchain.cli.cluster import on_backend
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.cli.options import Qualify
 from gaitchain.gait.library_file import load_library
-from gaitchain.proof.fall_rate import Criterion, ProofWalks, mild_cells
+from gaitchain.proof.proof_walks import Criterion, ProofWalks, mild_cells
 
 PARTS = 10
 

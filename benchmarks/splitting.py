@@ -21,7 +21,7 @@ from gaitchain.build.jobs import run_jobs
 from gaitchain.build.push import impulse_scale
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import load_library
-from gaitchain.proof.fall_rate import mild_cells
+from gaitchain.proof.proof_walks import mild_cells
 from gaitchain.proof.split_walks import Disturbed, SliceWalk, walk_slices
 from gaitchain.proof.splitting import (
     Chance,

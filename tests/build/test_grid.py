@@ -26,7 +26,7 @@ from gaitchain.gait.library_file import library_bytes, load_library, save_librar
 from gaitchain.gait.qualification import GridVerdict
 from gaitchain.gait.schedule import check_schedule, counts_steps
 from gaitchain.proof import split_walks
-from gaitchain.proof.fall_rate import BANK
+from gaitchain.proof.proof_walks import BANK
 from gaitchain.walker.policy_table import safe_pairs
 from gaitchain.walker.walker import Walker
 

@@ -21,8 +21,9 @@ from gaitchain.cli import run
 from gaitchain.errors import LibraryError
 from gaitchain.figures.proof_report import write_report
 from gaitchain.gait.library_file import library_bytes, load_library
-from gaitchain.proof import fall_rate, measures
-from gaitchain.proof.fall_rate import (
+from gaitchain.proof import measures, proof_walks
+from gaitchain.proof.measures import Measures
+from gaitchain.proof.proof_walks import (
     BANK,
     CHOSEN,
     Criterion,
@@ -30,7 +31,6 @@ from gaitchain.proof.fall_rate import (
     mild_cells,
     seed_of,
 )
-from gaitchain.proof.measures import Measures
 from gaitchain.robot.identified import Identified
 
 WORDS = ["--bound", "0.05", "--seconds", "3", "--workers", "1"]
@@ -40,7 +40,7 @@ WORDS = ["--bound", "0.05", "--seconds", "3", "--workers", "1"]
 def few_at_once():
     """Seventeen draws suffice; of 32 that are begun together half would be in vain."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fall_rate, "_BATCH", 18)
+        patch.setattr(proof_walks, "_BATCH", 18)
         yield
 
 
@@ -273,14 +273,14 @@ def test_what_was_walked_without_a_verdict_is_not_walked_again(
     proven, tmp_path, monkeypatch, capsys
 ):
     """With more steps, and for another bound, the same walks count."""
-    out, walk, numbers = tmp_path / "P.gait", fall_rate._walk, []
+    out, walk, numbers = tmp_path / "P.gait", proof_walks._walk, []
 
     @wraps(walk)
     def noted(*job):
         numbers.append(job[-1][1])
         return walk(*job)
 
-    monkeypatch.setattr(fall_rate, "_walk", noted)
+    monkeypatch.setattr(proof_walks, "_walk", noted)
     words = ["qualify", "res", *WORDS, "-o", str(out)]
     few = [*words, "--bound", "0.04", "--confidence", "0.9", "--most-steps", "10"]
     assert run(few) == 1

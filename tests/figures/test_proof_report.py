@@ -24,9 +24,9 @@ from gaitchain.gait.qualification import (
     Stratum,
 )
 from gaitchain.proof import measures as proof_measures
-from gaitchain.proof.fall_rate import CHOSEN, Criterion, mild_cells
 from gaitchain.proof.falls import potential_drop
 from gaitchain.proof.measures import Measures
+from gaitchain.proof.proof_walks import CHOSEN, Criterion, mild_cells
 from gaitchain.proof.push_limit import Impulse, push_limits
 from gaitchain.proof.stops import Stop, judge_stops
 

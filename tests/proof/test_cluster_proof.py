@@ -19,8 +19,9 @@ from gaitchain.cli import run
 from gaitchain.cli.cluster import dask_client, on_ray
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import library_bytes, load_library
-from gaitchain.proof import fall_rate
-from gaitchain.proof.fall_rate import CHOSEN, Criterion, prove
+from gaitchain.proof import proof_walks
+from gaitchain.proof.fall_rate import prove
+from gaitchain.proof.proof_walks import CHOSEN, Criterion
 
 pytestmark = pytest.mark.slow
 # Not imported here: Ray looks at its settings when it is imported.
@@ -33,7 +34,7 @@ WORDS = ["qualify", "res", "--bound", "0.05", "--seconds", "3"]
 def proven(workers=2):
     """Of 32 walks that are begun together half would be in vain."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fall_rate, "_BATCH", 18)
+        patch.setattr(proof_walks, "_BATCH", 18)
         crew = Crew(workers, lambda *news: None)
         return library_bytes(prove(LIBRARY, BRIEF, crew))
 
@@ -99,7 +100,7 @@ def wait_for_walks(journal, count, walking):
 @contextmanager
 def counted(monkeypatch):
     """The numbers of the walks that are walked here."""
-    walk, numbers = fall_rate._walk, []
+    walk, numbers = proof_walks._walk, []
 
     @wraps(walk)
     def noted(*job):
@@ -107,7 +108,7 @@ def counted(monkeypatch):
         return walk(*job)
 
     with monkeypatch.context() as patch:
-        patch.setattr(fall_rate, "_walk", noted)
+        patch.setattr(proof_walks, "_walk", noted)
         yield numbers
 
 

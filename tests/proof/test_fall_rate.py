@@ -12,23 +12,18 @@ from gaitchain.build.workers import Crew
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.errors import CommandError, LibraryError
 from gaitchain.gait.library_file import library_bytes, load_library, parse_library
-from gaitchain.proof import fall_rate
-from gaitchain.proof.fall_rate import (
-    CHOSEN,
-    Criterion,
-    ProofWalk,
-    check_length,
-    prove,
-    usual_steps,
-)
+from gaitchain.proof import fall_rate, proof_walks
+from gaitchain.proof.fall_rate import check_length, prove, usual_steps
 from gaitchain.proof.falls import watch_fall
+from gaitchain.proof.proof_walks import CHOSEN, Criterion, ProofWalk
 from gaitchain.proof.rate_test import rate_interval, steps_needed
+from gaitchain.proof.tally import Tally
 
 LIBRARY = load_library(shipped_library())
 BRIEF = Criterion(bound=0.03, seconds=4.0)
 
 
-GRID = fall_rate.default_grid(LIBRARY)
+GRID = proof_walks.default_grid(LIBRARY)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -39,8 +34,8 @@ def few_at_once():
     """
     few = replace(GRID, levels=GRID.levels[:4])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fall_rate, "_BATCH", 18)
-        patch.setattr(fall_rate, "default_grid", lambda library: few)
+        patch.setattr(proof_walks, "_BATCH", 18)
+        patch.setattr(proof_walks, "default_grid", lambda library: few)
         yield
 
 
@@ -96,8 +91,8 @@ def test_strata_are_all_walks_in_two_ways(proven):
 
 def test_both_ends_of_all_strata_hold_together():
     """Each of them may be wrong; those of all walks are the test's own."""
-    cells = fall_rate.mild_cells(LIBRARY)
-    tally = fall_rate._Tally(LIBRARY, cells, 20)
+    cells = proof_walks.mild_cells(LIBRARY)
+    tally = Tally(LIBRARY, cells, 20)
     for world in range(len(cells)):
         for cone, fell in enumerate((True, False)):
             tally.add(ProofWalk(world, cone, [(0, 0)] * 9, fell))
@@ -122,7 +117,7 @@ def test_it_does_not_depend_on_the_workers_and_stays_in_the_library(proven):
 @pytest.mark.slow
 def test_whoever_falls_is_told_so_and_where(monkeypatch):
     hard = Grid((Levels("push", (0.8,)),), corners=False)
-    monkeypatch.setattr(fall_rate, "default_grid", lambda library: hard)
+    monkeypatch.setattr(proof_walks, "default_grid", lambda library: hard)
     found = prove(LIBRARY, BRIEF, crew()).qualification.proof
     assert found.verdict == "above"
     assert found.total.low > BRIEF.bound
@@ -135,9 +130,9 @@ def test_whoever_falls_is_told_so_and_where(monkeypatch):
         assert 0 < s.falls <= s.walked
         assert 0.0 <= s.low < s.falls / s.walked <= s.high
     plain = LIBRARY.proven(None)
-    cells, scale_ns = fall_rate.mild_cells(plain), fall_rate.impulse_scale(plain)[2]
-    seed = fall_rate.seed_of(LIBRARY), found.fell_in[0]
-    drawn = fall_rate.draw_walk(plain, BRIEF, cells, scale_ns, seed)
+    cells, scale_ns = proof_walks.mild_cells(plain), proof_walks.impulse_scale(plain)[2]
+    seed = proof_walks.seed_of(LIBRARY), found.fell_in[0]
+    drawn = proof_walks.draw_walk(plain, BRIEF, cells, scale_ns, seed)
     assert watch_fall(plain, drawn.in_world, drawn.schedule).fall is not None
 
 
@@ -147,12 +142,12 @@ def made_up(monkeypatch, falls, grid=GRID):
 
     def walk(library, criterion, cells, scale_ns, seed):
         numbers.append(seed[1])
-        drawn = fall_rate.draw_walk(library, criterion, cells, scale_ns, seed)
+        drawn = proof_walks.draw_walk(library, criterion, cells, scale_ns, seed)
         fell = falls(seed[1], drawn)
         return ProofWalk(drawn.world, drawn.cone, [(0, 0)] * 11, fell)
 
-    monkeypatch.setattr(fall_rate, "_walk", walk)
-    monkeypatch.setattr(fall_rate, "default_grid", lambda library: grid)
+    monkeypatch.setattr(proof_walks, "_walk", walk)
+    monkeypatch.setattr(proof_walks, "default_grid", lambda library: grid)
     return prove(LIBRARY, BRIEF, crew(1)).qualification.proof, numbers
 
 
@@ -203,13 +198,13 @@ def test_whoever_always_falls_where_none_was_drawn_is_never_proven(monkeypatch):
 
 def test_a_contact_model_that_was_not_drawn_is_walked_in_a_world_that_is(monkeypatch):
     """As no draw leaves one out that is long enough, the tally alone."""
-    cells = fall_rate.mild_cells(LIBRARY)
-    tally = fall_rate._Tally(LIBRARY, cells, 20)
+    cells = proof_walks.mild_cells(LIBRARY)
+    tally = Tally(LIBRARY, cells, 20)
     for world in range(len(cells)):
         tally.add(ProofWalk(world, 0, [(0, 0)] * 9, fell=False))
     assert tally.missing == [len(cells) + 1]
-    drawn = fall_rate.draw_walk(LIBRARY, BRIEF, cells, 1.0, (5, CHOSEN + len(cells)))
-    other = fall_rate.draw_walk(
+    drawn = proof_walks.draw_walk(LIBRARY, BRIEF, cells, 1.0, (5, CHOSEN + len(cells)))
+    other = proof_walks.draw_walk(
         LIBRARY, BRIEF, cells, 1.0, (5, CHOSEN + len(cells) + 1)
     )
     assert (drawn.cone, other.cone) == (0, 1)
@@ -246,12 +241,14 @@ def test_dask_finds_the_same(proven):
 @pytest.mark.slow
 def test_other_seeds_than_those_of_the_grid(proven):
     """The worlds of the grid have rounds 0 to 2 in their seeds."""
-    cells = [cell for cell in fall_rate.default_grid(LIBRARY).cells() if cell.required]
-    job = fall_rate.GridJob((fall_rate.BANK, 0), cells[0], "", ())
-    ours = fall_rate.grid_world(LIBRARY, job, 5, 1.0).seed
+    cells = [
+        cell for cell in proof_walks.default_grid(LIBRARY).cells() if cell.required
+    ]
+    job = proof_walks.GridJob((proof_walks.BANK, 0), cells[0], "", ())
+    ours = proof_walks.grid_world(LIBRARY, job, 5, 1.0).seed
     for number in range(3):
         grids = job._replace(key=(number, 0))
-        assert fall_rate.grid_world(LIBRARY, grids, 5, 1.0).seed != ours
+        assert proof_walks.grid_world(LIBRARY, grids, 5, 1.0).seed != ours
 
 
 @pytest.mark.parametrize(("bound", "seconds"), [(0.01, 60.0), (0.02, 3600.0)])

@@ -10,7 +10,7 @@ from gaitchain.build.workers import Crew
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import load_library
 from gaitchain.proof import split_walks
-from gaitchain.proof.fall_rate import mild_cells
+from gaitchain.proof.proof_walks import mild_cells
 from gaitchain.proof.split_walks import (
     SLICE_S,
     Disturbed,

@@ -14,7 +14,6 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, save_library
 from gaitchain.gait.qualification import ProofReport, Stratum
 from gaitchain.proof.fall_rate import (
-    Criterion,
     check_length,
     describe_chosen,
     prove,
@@ -22,6 +21,7 @@ from gaitchain.proof.fall_rate import (
     walk_length,
 )
 from gaitchain.proof.measures import measure
+from gaitchain.proof.proof_walks import Criterion
 from gaitchain.proof.rate_test import steps_needed
 from gaitchain.proof.step_strata import SELDOM
 from gaitchain.walker.walker import Walker

@@ -32,16 +32,9 @@ from gaitchain.gait.command_range import AXES
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
 from gaitchain.gait.qualification import ProofReport, StepStratum, Stratum
-from gaitchain.proof.fall_rate import (
-    BANK,
-    CHOSEN,
-    Criterion,
-    describe_chosen,
-    mild_cells,
-    seed_of,
-    walk_length,
-)
+from gaitchain.proof.fall_rate import describe_chosen, walk_length
 from gaitchain.proof.measures import Measures, measure_seeds
+from gaitchain.proof.proof_walks import BANK, CHOSEN, Criterion, mild_cells, seed_of
 from gaitchain.proof.step_strata import SELDOM
 from gaitchain.sim.truth import FALL_HEIGHT, FALL_TILT
 from gaitchain.sim.world import DISTURBANCES, World

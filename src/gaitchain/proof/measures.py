@@ -14,14 +14,6 @@ from gaitchain.build.push import PushedWalk, PushTest, impulse_scale, run_pushes
 from gaitchain.build.workers import Crew
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Schedule, counts_steps
-from gaitchain.proof.fall_rate import (
-    BANK,
-    Criterion,
-    DrawnWalk,
-    draw_walk,
-    mild_cells,
-    seed_of,
-)
 from gaitchain.proof.falls import (
     Drop,
     FallsReport,
@@ -29,6 +21,14 @@ from gaitchain.proof.falls import (
     judge_falls,
     potential_drop,
     watch_fall,
+)
+from gaitchain.proof.proof_walks import (
+    BANK,
+    Criterion,
+    DrawnWalk,
+    draw_walk,
+    mild_cells,
+    seed_of,
 )
 from gaitchain.proof.push_limit import Impulse, PushLimit, push_limits
 from gaitchain.proof.stops import Stop, StopReport, judge_stops, measure_stop

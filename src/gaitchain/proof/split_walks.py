@@ -20,7 +20,7 @@ from gaitchain.build.push import impulse_scale
 from gaitchain.build.workers import Crew
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array, Command
-from gaitchain.proof.fall_rate import mild_cells, seed_of
+from gaitchain.proof.proof_walks import mild_cells, seed_of
 from gaitchain.proof.splitting import (
     EVENT,
     Chance,
