@@ -27,6 +27,7 @@ from gaitchain.gait.qualification import GridVerdict
 from gaitchain.gait.schedule import check_schedule, counts_steps
 from gaitchain.proof import split_walks
 from gaitchain.proof.proof_walks import BANK
+from gaitchain.sim.world import DISTURBANCES
 from gaitchain.walker.policy_table import safe_pairs
 from gaitchain.walker.walker import Walker
 
@@ -46,7 +47,9 @@ def test_one_disturbance_at_a_time_and_two_corners():
     assert cells[0].kind == "nominal" and cells[0].required
     assert len({cell.name for cell in cells}) == len(cells)
     for cell in cells[1:-2]:
-        assert [kind for kind, _ in cell.numbers] == [cell.kind]
+        # Stiction is a part of dry friction: without it there is none.
+        needed = ["dry_friction"] if cell.kind == "stiction" else []
+        assert [kind for kind, _ in cell.numbers] == [*needed, cell.kind]
     for cell in cells[-2:]:
         assert cell.kind == "corner" and not cell.required
         assert {kind for kind, _ in cell.numbers} == {
@@ -57,6 +60,18 @@ def test_one_disturbance_at_a_time_and_two_corners():
     assert not by_name["friction 0.2"].required
     assert not by_name["contact time 5 ms"].required
     assert by_name["slope +1 deg"].numbers == (("slope_deg", 1.0),)
+    assert by_name["stiction 60 %"].numbers == (
+        *(("dry_friction", 0.02), ("stiction", 0.6)),
+    )
+
+
+def test_what_disturbs_servos_or_sensors_is_trained_and_required():
+    """At some mild level, every one of them (`World`)."""
+    faults = {name: d.strides for name, d in DISTURBANCES.items() if d.fault}
+    assert len(faults) > 15
+    for name, exposure in faults.items():
+        assert exposure.trained is not None, name
+        assert exposure.required, name
 
 
 @pytest.mark.parametrize("grid", [DYNAMIC_GRID, PAPER_GRID])
@@ -68,7 +83,7 @@ def test_every_disturbance_is_in_the_grid(grid):
         kinds |= {"dry_friction", "viscous_friction", "no_load", "sag", "jitter_s"}
         kinds |= {"bus_hz", "target_step_deg", "encoder_step_deg", "imu_scale"}
         kinds |= {"encoder_offset_deg", "imu_tilt_deg", "imu_delay_s", "com_m"}
-        kinds |= {"imu_offset_m", "gyro_bias_deg_s", "accelerometer_bias"}
+        kinds |= {"imu_offset_m", "gyro_bias_deg_s", "accelerometer_bias", "stiction"}
     assert {cell.kind for cell in grid.cells()} == kinds | {"nominal", "corner"}
 
 

@@ -76,12 +76,13 @@ class Grid:
         found = [Cell("nominal", "nominal", True)]
         for levels in self.levels:
             kind, required = levels.kind, levels.required
+            beside = self._beside(kind)
             found += (
                 Cell(
                     DISTURBANCES[kind].show(level),
                     kind,
                     level in required,
-                    ((kind, level),),
+                    (*beside, (kind, level)),
                 )
                 for level in self._alone(levels)
             )
@@ -90,6 +91,15 @@ class Grid:
             numbers = tuple((kind, required[end]) for kind, required in ends)
             found.append(Cell(f"all mild, {name} levels", "corner", False, numbers))
         return tuple(found)
+
+    def _beside(self, kind: str) -> tuple[tuple[str, float], ...]:
+        """Return the last required level of what a disturbance needs to do anything."""
+        needed = DISTURBANCES[kind].needs
+        return tuple(
+            (levels.kind, levels.required[-1])
+            for levels in self.levels
+            if levels.kind == needed
+        )
 
     def _alone(self, levels: Levels) -> Sequence[float]:
         """Return the levels that a disturbance has while it is the only one."""

@@ -58,6 +58,8 @@ class Disturbance:
     """Unit shown after a level."""
     fault: bool = False
     """Whether it is one of servos or sensors."""
+    needs: str = ""
+    """Another disturbance without which this one does nothing."""
     key_poses: Exposure = _NONE
     """Levels for the paper's walks, trained open loop."""
     strides: Exposure = _NONE
@@ -330,6 +332,8 @@ class World:
             fault=True,
             scale=100.0,
             unit=" %",
+            needs="dry_friction",
+            strides=Exposure((0.0, 0.3), (0.3,), (0.6, 1.0)),
         ),
     ] = 0.0
     """Stribeck's; without dry friction there is none."""
@@ -410,7 +414,7 @@ class World:
             limits=Limits(1.0, math.inf),
             fault=True,
             unit=" Hz",
-            strides=Exposure(None, (), (50.0, 33.0)),
+            strides=Exposure((66.0, 100.0), (66.0,), (50.0, 33.0)),
         ),
     ] = math.inf
     encoder_step_deg: Annotated[
@@ -460,7 +464,7 @@ class World:
             fault=True,
             scale=1000.0,
             unit=" mm",
-            strides=Exposure(None, (), (0.02, 0.05)),
+            strides=Exposure((0.0, 0.01), (0.01,), (0.02, 0.05)),
         ),
     ] = 0.0
     gyro_bias_deg_s: Annotated[
@@ -472,7 +476,7 @@ class World:
             limits=Limits(0.0, 90.0),
             fault=True,
             unit=" deg/s",
-            strides=Exposure(None, (), (0.5, 1.0)),
+            strides=Exposure((0.0, 0.25), (0.25,), (0.5, 1.0)),
         ),
     ] = 0.0
     """Beyond that of `noise`; constant, drawn for each axis uniformly."""
@@ -485,7 +489,7 @@ class World:
             limits=Limits(0.0, 10.0),
             fault=True,
             unit=" m/s^2",
-            strides=Exposure(None, (), (0.1, 0.2)),
+            strides=Exposure((0.0, 0.05), (0.05,), (0.1, 0.2)),
         ),
     ] = 0.0
     """Constant, drawn for each axis uniformly."""
