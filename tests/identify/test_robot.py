@@ -23,7 +23,12 @@ from gaitchain.gait.library_file import library_bytes, load_library, save_librar
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command, Sensors
 from gaitchain.robot.box_robot import load_box_robot
-from gaitchain.robot.identified import UNSURE, Identified, identified_from
+from gaitchain.robot.identified import (
+    UNSURE,
+    Identified,
+    identified_from,
+    unsure_numbers,
+)
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 from gaitchain.sim.model import build_model
 from gaitchain.sim.robot_faults import likely_robot, plays
@@ -34,18 +39,28 @@ from gaitchain.walker.walker import Walker
 RES = load_box_robot("res")
 STEP = (Segment(Command(0.2), 2.0),)
 RNG = np.random.default_rng(3)
+COUNT = unsure_numbers(12)
+SIZES = np.concatenate(
+    [
+        *(np.full(30, 0.02), np.full(12, 0.02), np.full(12, 0.02), np.full(12, 1e-3)),
+        [1e-3, 0.02, 2e-3, 0.02, 2e-3],
+    ]
+)
+"""Of what is unknown of each number, small enough that none becomes negative."""
 FOUND = Identified(
     gain=RNG.uniform(0.7, 1.3, 12),
     offset=RNG.uniform(-0.03, 0.03, 12),
     com=np.array([0.01, -0.02, 0.005]),
     tilt=np.array([0.02, -0.03, 0.01]),
     damping=RNG.uniform(0.8, 1.2, 12),
-    backlash_deg=RNG.uniform(0.0, 0.8, 12),
-    dry_friction=RNG.uniform(0.0, 0.03, 12),
+    backlash_deg=RNG.uniform(0.3, 0.8, 12),
+    dry_friction=RNG.uniform(0.01, 0.03, 12),
     delay_s=0.012,
+    stiction=0.4,
+    viscous_friction=0.03,
     trunk_mass=1.2,
     imu_delay_s=0.021,
-    unknown=0.02 * np.tril(RNG.uniform(-1.0, 1.0, (30, 30))),
+    unknown=SIZES[:, None] * np.tril(RNG.uniform(-1.0, 1.0, (COUNT, COUNT))),
 )
 MINE = RES.as_identified(FOUND)
 
@@ -105,6 +120,7 @@ def test_facts_and_arrays_are_the_robot_again():
         ("unknown", "much"),
         ("unknown", [[1.0, 2.0], [3.0]]),
         ("unknown", [[math.nan] * 30] * 30),
+        ("unknown", [[0.0] * 31] * 31),
     ],
 )
 def test_damaged_facts_are_refused(name, value):
@@ -129,7 +145,8 @@ def test_facts_of_before_have_one_number_for_all_joints():
     del facts["unknown"]
     facts |= {"gain_sd": 0.06, "offset_sd": 0.01, "com_sd": 0.004, "tilt_sd": 0.02}
     one = identified_from(facts, 12)
-    sd = {"gain": 0.06, "offset": 0.01, "com": 0.004, "tilt": 0.02}
+    sd = dict.fromkeys(UNSURE, 0.0)
+    sd |= {"gain": 0.06, "offset": 0.01, "com": 0.004, "tilt": 0.02}
     assert one.deviations == pytest.approx(sd)
     np.testing.assert_array_equal(one.unknown, np.diag(np.diag(one.unknown)))
     np.testing.assert_array_equal(one.backlash_deg, np.full(12, 0.4))
@@ -289,19 +306,35 @@ def test_likely_robots_are_off_as_their_log_ties_them():
     doubt = 0.5
     worlds = [World(doubt=doubt, seed=seed) for seed in range(4000)]
     drawn = [likely_robot(MINE, world).identified for world in worlds]
-    rows = np.array([np.concatenate([getattr(d, n) for n in UNSURE]) for d in drawn])
+    rows = np.array(list(map(numbers_of, drawn)))
     size = doubt * np.sqrt(np.diag(FOUND.unknown @ FOUND.unknown.T))
-    mean = np.concatenate([getattr(FOUND, n) for n in UNSURE])
+    mean = numbers_of(FOUND)
     np.testing.assert_allclose((rows.mean(axis=0) - mean) / size, 0.0, atol=0.07)
     found = np.cov(rows.T) / np.outer(size, size)
     asked = doubt**2 * FOUND.unknown @ FOUND.unknown.T / np.outer(size, size)
     np.testing.assert_allclose(found, asked, atol=0.09)
-    np.testing.assert_array_equal(drawn[0].backlash_deg, FOUND.backlash_deg)
-    np.testing.assert_array_equal(drawn[0].damping, FOUND.damping)
+
+
+def numbers_of(found):
+    """Return all numbers of which something may be unknown, in one row."""
+    return np.concatenate([np.atleast_1d(getattr(found, name)) for name in UNSURE])
+
+
+def test_what_libraries_of_before_knew_exactly_is_exact():
+    """They have a covariance of gains, offsets, CoM and tilt alone."""
+    before = 0.02 * np.tril(np.ones((30, 30)))
+    facts = {**FOUND.facts(), "unknown": before.tolist()}
+    one = identified_from(facts, 12)
+    np.testing.assert_array_equal(one.unknown[:30, :30], before)
+    assert not one.unknown[30:].any() and not one.unknown[:, 30:].any()
+    off = one.moved(np.ones(COUNT))
+    assert off.delay_s == FOUND.delay_s and off.trunk_mass == FOUND.trunk_mass
+    np.testing.assert_array_equal(off.backlash_deg, FOUND.backlash_deg)
+    assert np.abs(off.gain - FOUND.gain).max() > 0.01
 
 
 def test_the_simulated_robot_is_another_that_is_as_likely():
-    """Servos, encoders, CoM and IMU; the same one by the same seed of the plant."""
+    """Servos, encoders, masses and IMU; the same one by the same seed of the plant."""
     stand = np.array(RES.legs.stand)
 
     def seen(world):
@@ -312,6 +345,9 @@ def test_the_simulated_robot_is_another_that_is_as_likely():
             np.array(backend.model.body("trunk").ipos),
             np.array(backend.model.site("imu").quat),
             backend.read().joint_position - backend.joints,
+            np.array(backend.model.body("trunk").mass),
+            np.array(backend.model.dof_frictionloss),
+            1e2 * np.array([backend.world.delay_s, backend.world.viscous_friction]),
         )
 
     sure, other = seen(World(seed=3)), seen(World(seed=3, doubt=1.0))
@@ -330,15 +366,20 @@ def test_what_nobody_identified_is_not_doubted():
 
 def test_inspect_tells_an_identified_robot_and_how_well_it_is_known(tmp_path, capsys):
     plain = load_library("src/gaitchain/data/res.gait")
-    sd = np.repeat([0.061, np.radians(0.57), 0.0042, np.radians(1.25)], [12, 12, 3, 3])
-    found = replace(FOUND, unknown=np.diag(sd))
+    sd = np.repeat(
+        [0.061, np.radians(0.57), 0.0042, np.radians(1.25), 0.11, 0.31, 0.012],
+        [12, 12, 3, 3, 12, 12, 12],
+    )
+    found = replace(FOUND, unknown=np.diag([*sd, 0.0023, 0.35, 0.021, 0.034, 0.0047]))
     poses = replace(plain.poses, robot=RES.as_identified(found))
     mine, figures = tmp_path / "mine.gait", tmp_path / "found.json"
     save_library(replace(plain, poses=poses), mine)
     assert run(["inspect", str(mine), "--json", str(figures)]) == 0
     said = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert "identified by its own log, which leaves unknown (1 sd): servo gain" in said
-    for amount in ("6.1 %", "0.57 deg", "4.2 mm", "1.25 deg"):
+    for amount in ("gain 6.1 %", "0.57 deg", "4.2 mm", "1.25 deg", "0.31 deg"):
+        assert amount in said
+    for amount in ("backlash 0.31 deg", "targets 2.3 ms", "trunk 3.4 %", "IMU 4.7 ms"):
         assert amount in said
     assert json.loads(figures.read_text("utf-8"))["identified"] == found.facts()
     assert run(["inspect", "res.gait", "--json", str(figures)]) == 0
@@ -359,11 +400,15 @@ def test_a_doubt_of_what_nobody_identified_is_told_before_any_work(
     assert not list(tmp_path.iterdir())
 
 
-def test_gains_that_are_drawn_stay_above_zero():
-    wild = replace(FOUND, unknown=10.0 * np.eye(30))
-    drawn = [wild.moved(np.full(30, x)).gain for x in (-3.0, 0.0, 3.0)]
-    assert min(gain.min() for gain in drawn) > 0.0
-    np.testing.assert_array_equal(drawn[1], FOUND.gain)
+def test_numbers_that_are_drawn_are_possible_ones():
+    """Factors stay above zero, amounts at it."""
+    wild = replace(FOUND, unknown=10.0 * np.eye(COUNT))
+    drawn = [wild.moved(np.full(COUNT, x)) for x in (-3.0, 0.0, 3.0)]
+    for one in drawn:
+        assert identified_from(one.facts(), 12) == one
+    assert drawn[0].gain.min() > 0.0 and drawn[0].trunk_mass > 0.0
+    assert drawn[0].delay_s == drawn[0].backlash_deg.max() == 0.0
+    assert drawn[1] == wild
 
 
 def test_what_is_left_unknown_is_drawn_in_grid_and_proof(library):

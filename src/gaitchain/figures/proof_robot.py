@@ -25,8 +25,8 @@ _ONE_ROBOT = (
 )
 _LEFT = (
     "What the log left unknown of these numbers, as standard deviations; each walk "
-    "of the proof draws its own errors, off together as the log ties them. The other "
-    "ones are taken for exact:"
+    "of the proof draws its own errors, off together as the log ties them. One of 0 is "
+    "of a number that was taken for exact:"
 )
 _FILES = (
     "Not estimated from the log, and as in the file: masses and inertias of the legs, "

@@ -22,10 +22,17 @@ _AMOUNTS = (
     *("delay_s", "backlash_deg", "dry_friction", "stiction", "viscous_friction"),
     "imu_delay_s",
 )
-UNSURE = "gain", "offset", "com", "tilt"
+_PLACED = "gain", "offset", "com", "tilt"
+UNSURE = (
+    *_PLACED,
+    *("damping", "backlash_deg", "dry_friction"),
+    *("delay_s", "stiction", "viscous_friction", "trunk_mass", "imu_delay_s"),
+)
 """Numbers whose covariance is known, one after the other."""
-_OF_BEFORE = {f"{name}_sd" for name in UNSURE}  # in place of `unknown`
-_LEAST_GAIN = 0.05
+_OF_BEFORE = {f"{name}_sd" for name in _PLACED}  # in place of `unknown`
+_LEAST_FACTOR = 0.05
+_LEAST = dict.fromkeys(_FACTORS, _LEAST_FACTOR) | dict.fromkeys(_AMOUNTS, 0.0)
+"""What a drawn number is at least."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +75,7 @@ class Identified:
         for name in _ALIKE:
             numbers = np.full(np.shape(self.gain), getattr(self, name))
             object.__setattr__(self, name, numbers)
-        count = _count(len(self.gain))
+        count = unsure_numbers(len(self.gain))
         unknown = np.broadcast_to(self.unknown, (count, count)).copy()
         object.__setattr__(self, "unknown", unknown)
 
@@ -86,6 +93,14 @@ class Identified:
             ("encoders", f"{math.degrees(sd['offset']):.2f} deg"),
             ("CoM of the trunk", f"{1000.0 * sd['com']:.1f} mm"),
             ("IMU", f"{math.degrees(sd['tilt']):.2f} deg"),
+            ("damping of the servos", f"{100.0 * sd['damping']:.1f} %"),
+            ("backlash", f"{sd['backlash_deg']:.2f} deg"),
+            ("dry friction", f"{100.0 * sd['dry_friction']:.1f} %"),
+            ("viscous friction", f"{100.0 * sd['viscous_friction']:.1f} %"),
+            ("stiction", f"{100.0 * sd['stiction']:.0f} %"),
+            ("delay of the targets", f"{1000.0 * sd['delay_s']:.1f} ms"),
+            ("mass of the trunk", f"{100.0 * sd['trunk_mass']:.1f} %"),
+            ("delay of the IMU", f"{1000.0 * sd['imu_delay_s']:.1f} ms"),
         ]
 
     def moved(self, by: Array) -> "Identified":
@@ -95,12 +110,17 @@ class Identified:
             by: (K,) independent numbers of deviation 1, which `unknown` ties together.
         """
         off = self.unknown @ by
-        own = {name: getattr(self, name) + off[at] for name, at in self._places()}
-        return replace(self, **own | {"gain": np.maximum(own["gain"], _LEAST_GAIN)})
+        return replace(self, **{n: self._off(n, off[at]) for n, at in self._places()})
+
+    def _off(self, name: str, off: Array) -> Any:
+        """Return a number, or those of an array, that is off, if that can be."""
+        value = getattr(self, name)
+        moved = np.maximum(value + off, _LEAST.get(name, -math.inf))
+        return moved if np.shape(value) else float(moved[0])
 
     def _places(self) -> list[tuple[str, slice]]:
         """Return where the numbers of `UNSURE` are in a row of all of them."""
-        ends = np.cumsum([len(getattr(self, name)) for name in UNSURE]).tolist()
+        ends = np.cumsum([np.size(getattr(self, name)) for name in UNSURE]).tolist()
         return list(zip(UNSURE, map(slice, [0, *ends], ends), strict=True))
 
     @classmethod
@@ -138,7 +158,7 @@ def identified_from(facts: Any, joints: int) -> Identified:
             are too many or too few of them.
     """
     sizes: dict[str, tuple[int, ...]] = dict.fromkeys(_OF_JOINTS, (joints,))
-    count = _count(joints)
+    count = unsure_numbers(joints)
     sizes |= {"com": (_AXES,), "tilt": (_AXES,), "unknown": (count, count)}
     wanted = {f.name for f in fields(Identified)}
     if not isinstance(facts, dict):
@@ -152,6 +172,8 @@ def identified_from(facts: Any, joints: int) -> Identified:
         numbers = _numbers(name, value)
         if name in _ALIKE and not numbers.shape:
             numbers = np.full(joints, numbers)
+        if name == "unknown" and numbers.shape == 2 * (_placed(joints),):
+            numbers = np.pad(numbers, (0, count - len(numbers)))
         if numbers.shape != sizes.get(name, ()) or not np.isfinite(numbers).all():
             raise RobotFileError(f"identified {name} is {value!r:.80}")
         if name in _FACTORS and not (numbers > 0.0).all():
@@ -172,8 +194,18 @@ def _numbers(name: str, value: Any) -> Array:
         raise RobotFileError(f"identified {name} is {value!r:.80}") from None
 
 
-def _count(joints: int) -> int:
-    """Return how many numbers `UNSURE` has together."""
+def unsure_numbers(joints: int) -> int:
+    """Return how many numbers `UNSURE` has together.
+
+    Args:
+        joints: number of leg joints, 2 n.
+    """
+    single = len(UNSURE) - len(_OF_JOINTS) - 2
+    return len(_OF_JOINTS) * joints + 2 * _AXES + single
+
+
+def _placed(joints: int) -> int:
+    """Return how many of them libraries of before have: the others were exact."""
     return 2 * joints + 2 * _AXES
 
 
@@ -184,7 +216,7 @@ def _of_now(facts: dict[str, Any], joints: int) -> dict[str, Any]:
     """
     if not set(facts) >= _OF_BEFORE:
         return facts
-    each = [facts[f"{name}_sd"] for name in UNSURE]
+    each = [facts[f"{name}_sd"] for name in _PLACED]
     if not all(isinstance(sd, float | int) and sd >= 0.0 for sd in each):
         raise RobotFileError(f"identified deviations are {each!r:.80}")
     rows = np.diag(np.repeat(each, [joints, joints, _AXES, _AXES])).tolist()

@@ -63,8 +63,8 @@ def likely_robot(robot: Robot, world: World) -> Robot:
 def unsure(robot: Robot) -> dict[str, float]:
     """Return fields of `World` for what is left unknown of an identified robot.
 
-    It is drawn as the log leaves it. What was identified, of its gears too, is the
-    robot's, and not drawn again.
+    It is drawn as the log leaves it, play, friction and delays too; what other robots
+    have of these is not drawn in addition.
     """
     if robot.identified is None:
         return {}
