@@ -90,6 +90,28 @@ def test_a_file_without_actuators_gets_them(toy_path, toy_library, tmp_path):
     assert driven == {*toy_library.robot.legs.joint_names, *toy_library.robot.legs.held}
 
 
+FINGER = """<body name="finger" pos="0 0 0.3"><joint name="finger" axis="0 1 0"
+ armature="0"/>
+<inertial mass="0.01" pos="0 0 -0.01" diaginertia="1e-6 1e-6 1e-6"/></body>"""
+
+
+def test_a_servo_that_shakes_its_joint_is_told_before_any_walk(toy_library, tmp_path):
+    """MuJoCo would put the robot back, again and again, and nobody would fall."""
+    text = toy()
+    first = text.index("<body", text.index("<freejoint"))
+    text = text[:first] + FINGER + text[first:]
+    servo = '<position joint="finger" kp="100"/></actuator>'
+    file = tmp_path / "shaking.xml"
+    file.write_text(text.replace("</actuator>", servo), "utf-8")
+    with pytest.raises(CommandError, match=r"servo of finger shakes it .*armature"):
+        describe_own_model(file, toy_library)
+    trial = Trial(toy_library, schedule=AHEAD, require_qualified=False)
+    (walk,) = run_own_trials(trial, file, 1, 3, 1)
+    assert walk.fell
+    assert walk.cause.startswith("the physics diverged at ")
+    assert walk.speed_mps is None
+
+
 def test_actuators_of_tendons_do_not_pull_at_the_legs(toy_library, tmp_path):
     """As nobody gives them a target, a servo among them would hold knees straight."""
     cord = (

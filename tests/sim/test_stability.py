@@ -1,4 +1,4 @@
-"""Damping that an explicit integrator cannot take: closed form, and MuJoCo itself."""
+"""Servos that an integrator cannot take: closed form, and MuJoCo itself."""
 
 import mujoco
 import numpy as np
@@ -6,7 +6,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gaitchain.sim.stability import MOST, explicit_damping
+from gaitchain.sim.stability import (
+    MOST,
+    MOST_STIFF,
+    divergences,
+    explicit_damping,
+    explicit_stiffness,
+)
 
 INERTIA, STEP_S = 0.02, 0.002
 ARM = """
@@ -16,12 +22,13 @@ ARM = """
  <body><joint name="elbow" axis="0 1 0" damping="3" armature="{rotor}"/>
   <inertial mass="1" pos="0 0 0" diaginertia="0.01 0.01 0.01"/></body>
 </worldbody><actuator><position joint="still" kp="0" kv="1"/>
- <position joint="elbow" kp="0" kv="{kv}" gear="{gear}"/></actuator></mujoco>"""
+ <position joint="elbow" kp="{kp}" kv="{kv}" gear="{gear}"/></actuator></mujoco>"""
 
 
-def arm(kv, how="Euler", gear=1.0):
+def arm(kv, how="Euler", gear=1.0, kp=0.0):
     """A servo on an inertia of 0.02 kg m^2, beside one that is well damped."""
-    text = ARM.format(step=STEP_S, how=how, kv=kv, gear=gear, rotor=INERTIA - 0.01)
+    rotor = INERTIA - 0.01
+    text = ARM.format(step=STEP_S, how=how, kp=kp, kv=kv, gear=gear, rotor=rotor)
     return mujoco.MjModel.from_xml_string(text)
 
 
@@ -71,3 +78,28 @@ def test_a_coupled_mass_matrix_counts():
     ratio, joint = explicit_damping(model)
     assert ratio == pytest.approx(model.opt.timestep * 9.0 * free)
     assert joint == "b"
+
+
+@settings(max_examples=30)
+@given(kp=st.floats(0.2, 1e5), gear=st.floats(0.5, 3.0))
+def test_it_is_stiffness_times_the_squared_step_over_inertia(kp, gear):
+    ratio, joint = explicit_stiffness(arm(1.0, gear=gear, kp=kp))
+    assert ratio == pytest.approx(STEP_S**2 * kp * gear**2 / INERTIA)
+    assert joint == "elbow"
+
+
+@pytest.mark.parametrize("how", ["Euler", "implicit", "implicitfast"])
+@pytest.mark.parametrize("part", [0.9, 1.1])
+def test_no_integrator_takes_more_stiffness(part, how):
+    """MuJoCo says so of the state of whoever shakes, and begins anew."""
+    model = arm(0.0, how, kp=part * MOST_STIFF * INERTIA / STEP_S**2)
+    model.dof_damping[:] = 0.0
+    model.actuator_biasprm[:, 2] = 0.0
+    data = mujoco.MjData(model)
+    data.joint("elbow").qvel[0] = 1e-3
+    bad = divergences(data)
+    assert not bad.any()
+    mujoco.mj_step(model, data, nstep=200)
+    assert bad.any() == (part > 1.0)
+    mujoco.mj_resetData(model, data)
+    assert not bad.any()

@@ -234,6 +234,21 @@ def test_at_rest_on_a_slope_the_sensors_see_the_true_vertical(slope_deg):
     assert sensors.foot_load.sum() == pytest.approx(31.0 * expected[2], rel=0.01)
 
 
+@pytest.mark.parametrize("value", [math.nan, 1e11])
+def test_whoever_diverges_has_fallen(value):
+    """MuJoCo puts such a robot back on its feet, as if nothing had been."""
+    backend = MujocoBackend(RES, World())
+    backend.connect(np.array(RES.legs.stand))
+    backend.data.qvel[8] = value
+    backend.write(np.array(RES.legs.stand))
+    assert backend.data.qpos[2] > 0.5
+    assert backend.fallen
+    backend.connect(np.array(RES.legs.stand))
+    assert not backend.fallen
+    backend.data.qpos[:] = math.nan
+    assert backend.fallen
+
+
 @pytest.mark.parametrize(
     ("lean_deg", "fallen"), [(0, False), (70, False), (80, True), (-20, True)]
 )

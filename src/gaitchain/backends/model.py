@@ -21,6 +21,7 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array, Sensors
 from gaitchain.robot.holding import holding_stiffness
 from gaitchain.robot.leg_model import LegModel
+from gaitchain.sim.stability import divergences
 from gaitchain.sim.truth import FALL_HEIGHT, FALL_TILT
 
 _XBODY, _SITE = mujoco.mjtObj.mjOBJ_XBODY, mujoco.mjtObj.mjOBJ_SITE
@@ -162,10 +163,23 @@ class ModelBackend(SimulatedMotors):
 
     @property
     def fallen(self) -> bool:
-        """Whether the hips are below 0.65 of their height, or tilted past 45 deg."""
+        """Whether the hips are below 0.65 of their height, or tilted past 45 deg.
+
+        Or nobody knows, as the physics diverged.
+        """
         upright = self.data.xmat[self._base].reshape(3, 3)[2] @ self._turn[:, 2]
-        low = self._hips_height() < FALL_HEIGHT * self._height
-        return bool(low or upright < math.cos(FALL_TILT))
+        high = self._hips_height() >= FALL_HEIGHT * self._height
+        stands = high and upright >= math.cos(FALL_TILT)  # no NaN does
+        return not stands or self.diverged
+
+    @property
+    def diverged(self) -> bool:
+        """Whether the state was no number, or huge, since `connect`.
+
+        MuJoCo then begins anew from the model's own pose: nothing that it shows
+        afterwards is of this walk.
+        """
+        return bool(divergences(self.data).any())
 
     def _hips_height(self) -> float:
         """Return the height of the pelvis frame's origin above the floor [m].

@@ -37,13 +37,19 @@ from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.overlaps import part_overlaps
 from gaitchain.sim.scene import misbuild, shift_com
-from gaitchain.sim.stability import MOST, explicit_damping
+from gaitchain.sim.stability import (
+    MOST,
+    MOST_STIFF,
+    explicit_damping,
+    explicit_stiffness,
+)
 from gaitchain.sim.world import DISTURBANCES, World
 from gaitchain.walker.walker import Walker
 
 KNOWN = ("slope_deg", "servo_gain", "model_error")
 """Fields of a `World` that a robot's own model has; all else is the file's."""
 _ROUNDED = 1e-6  # part of a rotor's inertia
+_STANDS = round(1.0 / CONTROL_PERIOD_S)  # control periods for which a model must stand
 
 
 def run_own_trials(
@@ -101,6 +107,7 @@ def describe_own_model(file: str | Path, library: GaitLibrary) -> OwnModel:
     backend = _backend(Trial(library), file, World())
     model, alone = backend.model, _alone(file, library.robot)
     with of_its_file(file, library):
+        _check_stands(backend, library)
         contacts = sole_contacts(backend)
     return OwnModel(
         joints=model.njnt - 1,
@@ -301,6 +308,36 @@ def _backend(trial: Trial, file: str | Path, world: World) -> _Tracked:
         return backend
 
 
+def _check_stands(backend: _Tracked, library: GaitLibrary) -> None:
+    """Refuse a model whose physics diverges while it does nothing but stand.
+
+    Raises:
+        CommandError: with the joint that shakes, and what would hold it.
+    """
+    walker = Walker(library, require_qualified=False, joint_names=backend.joint_names)
+    backend.connect(walker.stand)
+    for _ in range(_STANDS):
+        backend.write(walker.stand)
+        if backend.diverged:
+            raise CommandError(_why_diverged(backend.model))
+
+
+def _why_diverged(model: mujoco.MjModel) -> str:
+    """Say which joint shakes in a model whose physics diverged."""
+    ratio, joint = explicit_stiffness(model)
+    step_ms = 1000.0 * float(model.opt.timestep)
+    said = f"standing, its physics diverges within {_STANDS * CONTROL_PERIOD_S:g} s"
+    if ratio <= MOST_STIFF:
+        return f"{said} with time steps of {step_ms:g} ms; see whether less helps"
+    return (
+        f"{said}: at {step_ms:g} ms the servo of {joint} shakes it (stiffness x time "
+        f"step^2 / inertia is {ratio:.3g}, at most {MOST_STIFF:g} holds); give the "
+        f"joint {ratio / MOST_STIFF:.2g} times its inertia (armature), its servo "
+        f"{100.0 * MOST_STIFF / ratio:.2g} % of its stiffness, or the file time steps "
+        f"of {step_ms * math.sqrt(MOST_STIFF / ratio):.2g} ms"
+    )
+
+
 @contextmanager
 def of_its_file(file: str | Path, library: GaitLibrary) -> Iterator[None]:
     """Say of whatever goes wrong that the file does not do for this library.
@@ -333,7 +370,8 @@ def _run(trial: Trial, file: str, seed: tuple[int, int]) -> TrialRun:
     )
     walked = run_unrecorded(walker, backend, schedule)
     fell = walked.fell_at_s is not None
-    cause = f"fell at {walked.fell_at_s:.1f} s" if fell else None
+    how = "the physics diverged" if backend.diverged else "fell"
+    cause = f"{how} at {walked.fell_at_s:.1f} s" if fell else None
     return TrialRun(
         seed=seed,
         schedule=format_schedule(schedule),

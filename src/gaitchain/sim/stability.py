@@ -1,21 +1,40 @@
-"""Whether a model's integrator can take the damping of its servos. Ours.
+"""Whether a model's integrator can take its servos, and whether it did. Ours.
 
 An explicit integrator with the time step h makes of a servo's damping kv and inertia I
 
     q'(t + h) = (1 - h kv / I) q'(t)                                            (1)
 
 which grows where h kv / I > 2. MuJoCo's Euler integrator takes the damping of joints
-implicitly, but not that of actuators.
+implicitly, but not that of actuators. No integrator of MuJoCo takes the stiffness kp
+implicitly: without damping the joint shakes where h^2 kp / I > 4.
 """
 
 import mujoco
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
+IntArray = NDArray[np.int32]
 _EXPLICIT = (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_RK4)
 _AFFINE = mujoco.mjtBias.mjBIAS_AFFINE
+_KP, _KV = 1, 2  # columns of actuator_biasprm
+_FIRST_BAD, _LAST_BAD = (
+    int(mujoco.mjtWarning.mjWARN_BADQPOS),
+    int(mujoco.mjtWarning.mjWARN_BADQACC),
+)
 MOST = 2.0
 """h kv / I from which on (1) grows."""
+MOST_STIFF = 4.0
+"""h^2 kp / I from which on a joint without damping shakes more and more."""
+
+
+def divergences(data: mujoco.MjData) -> IntArray:
+    """Return how often the state was no number, or huge, since the last reset, (3,).
+
+    MuJoCo then begins anew from the model's own pose, as if nothing had been. A view:
+    it shows what happens later, too.
+    """
+    return np.asarray(data.warning.number[_FIRST_BAD : _LAST_BAD + 1])
 
 
 def explicit_damping(model: mujoco.MjModel) -> tuple[float, str]:
@@ -24,10 +43,28 @@ def explicit_damping(model: mujoco.MjModel) -> tuple[float, str]:
     It is the largest eigenvalue of h M^-1 D, with the mass matrix M and the damping D
     of all actuators; 0 for an implicit integrator, and without damping.
     """
-    damping = np.where(
-        model.actuator_biastype == _AFFINE, model.actuator_biasprm.T[2], 0
-    )
-    if model.opt.integrator not in _EXPLICIT or not damping.any():
+    if model.opt.integrator not in _EXPLICIT:
+        return 0.0, ""
+    value, joint = _largest(model, _KV)
+    return float(model.opt.timestep) * value, joint
+
+
+def explicit_stiffness(model: mujoco.MjModel) -> tuple[float, str]:
+    """Return the largest h^2 kp / I of a model, and the joint that it shakes most."""
+    value, joint = _largest(model, _KP)
+    return float(model.opt.timestep) ** 2 * value, joint
+
+
+def _largest(model: mujoco.MjModel, column: int) -> tuple[float, str]:
+    """Return the largest eigenvalue of M^-1 J^T diag(k) J, and the joint of its mode.
+
+    Args:
+        model: with the mass matrix M and the moments J of its actuators.
+        column: of their bias, which has -k.
+    """
+    affine = model.actuator_biastype == _AFFINE
+    gains = np.where(affine, -model.actuator_biasprm.T[column], 0.0)
+    if not gains.any():
         return 0.0, ""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -40,7 +77,6 @@ def explicit_damping(model: mujoco.MjModel) -> tuple[float, str]:
         data.moment_rowadr,
         data.moment_colind.ravel(),
     )
-    values, modes = scipy.linalg.eigh(moment.T @ (-damping[:, None] * moment), mass)
+    values, modes = scipy.linalg.eigh(moment.T @ (gains[:, None] * moment), mass)
     shaken = int(np.argmax(np.abs(modes[:, -1])))
-    name = model.joint(model.dof_jntid[shaken]).name
-    return float(model.opt.timestep * values[-1]), name
+    return float(values[-1]), model.joint(model.dof_jntid[shaken]).name

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from gaitchain.messages import GRAVITY, Array
+from gaitchain.sim.stability import divergences
 from gaitchain.sim.world import World
 from gaitchain.sim.world_draws import floor_heights, strew_blocks
 
@@ -39,6 +40,7 @@ class SimulatorTruth:
         self._sole_corners = _CORNERS * model.geom_size[self._soles][:, None]
         self._leg_pairs = _leg_pairs(model)
         self._quaternion, self._wrenches = data.qpos[3:7], data.cfrc_ext
+        self._divergences = divergences(data)
 
     def weigh(self) -> None:
         """Take note of the robot's weight, again where it has changed."""
@@ -46,9 +48,13 @@ class SimulatorTruth:
 
     @property
     def fallen(self) -> bool:
-        """Whether the base is below 0.65 of its height or tilted past 45 deg."""
-        low = self.data.qpos[2] < FALL_HEIGHT * self._standing
-        return bool(low or self._vertical()[2] < math.cos(FALL_TILT))
+        """Whether the base is below 0.65 of its height or tilted past 45 deg.
+
+        Or nobody knows, as the physics diverged.
+        """
+        high = self.data.qpos[2] >= FALL_HEIGHT * self._standing
+        upright = self._vertical()[2] >= math.cos(FALL_TILT)  # no NaN is
+        return not (high and upright) or bool(self._divergences.any())
 
     @property
     def tilt(self) -> tuple[float, float]:
