@@ -7,7 +7,8 @@ from functools import partial
 import pytest
 from other_robots import with_legs
 
-from gaitchain.build.search_walks import Walk, fits
+from gaitchain.build.knee_load import overload
+from gaitchain.build.search_walks import Walk, fits, walk_of
 from gaitchain.build.shape_start import PACE, Plan, plan_of
 from gaitchain.errors import LibraryError
 from gaitchain.gait.stride.shape import MODEL_SHAPE, StrideShape
@@ -58,6 +59,51 @@ def test_where_no_walk_can_be_made_the_limits_are_named():
     assert "0.78 legs high, right_ankle_pitch would go beyond its range of" in said
     assert "-20.0 to 20.0 deg" in said
     assert said.count("legs high") == 3
+
+
+def with_knees(torque_n_m):
+    """RES, its knees' torque limits cut."""
+    limits = list(RES.legs.torque_limit)
+    limits[3] = limits[9] = torque_n_m
+    return with_legs(RES, dataclasses.replace(RES.legs, torque_limit=tuple(limits)))
+
+
+def bent_knee_torque(hip_height):
+    """What a knee holds that bears RES's weight with thigh and shank alike bent."""
+    biped = RES.reduced
+    thigh, shank, hips = biped.femur_length, biped.crus_length, hip_height
+    hips *= biped.leg_length
+    ankle = math.acos((shank**2 + hips**2 - thigh**2) / (2.0 * shank * hips))
+    return 9.81 * biped.mass * shank * math.sin(ankle)
+
+
+@pytest.mark.parametrize("hip_height", [0.8, 0.87, 0.95])
+def test_a_knee_bears_the_weight_at_its_lever(hip_height):
+    """Less what is below it; by the triangle of thigh, shank and leg."""
+    shape = dataclasses.replace(MODEL_SHAPE, hip_height=hip_height)
+    timing = shape.timing(RES)
+    needed = bent_knee_torque(hip_height)
+
+    def said(torque_n_m):
+        robot = with_knees(torque_n_m)
+        poses, _ = walk_of(robot, shape, timing.step, Walk(1.0), 0.0)
+        return overload(poses, timing)
+
+    assert said(1.02 * needed) == ""
+    assert said(0.85 * needed).startswith("left_knee would have to hold ")
+    assert said(0.85 * needed).endswith(f"its limit is {0.85 * needed:.3g}")
+
+
+def test_where_knees_cannot_bear_the_robot_their_torque_is_named():
+    with pytest.raises(LibraryError, match=r"0\.98 legs high, left_knee would have to"):
+        start_of(with_knees(5.0))
+
+
+@pytest.mark.slow
+def test_weak_knees_begin_straighter():
+    start = start_of(with_knees(bent_knee_torque(0.94)))
+    assert start.at(PACE).hip_height > MODEL_SHAPE.hip_height
+    assert start.hips(PACE)[0] > 0.87
 
 
 @pytest.mark.slow

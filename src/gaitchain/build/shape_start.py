@@ -1,8 +1,8 @@
 """Where the search for a step's shape begins: what the legs allow, without physics.
 
 The plan alone tells how fast a robot can be made to step with its hips at a height:
-long strides need bent knees, and ankles that bend little need straight ones. Which
-stance is best, only physics tells: with feet far apart a robot sways. Ours.
+long strides need bent knees; ankles that bend little and weak knees need straight ones.
+Which stance is best, only physics tells: with feet far apart a robot sways. Ours.
 """
 
 import math
@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gaitchain.build.jobs import run_jobs
+from gaitchain.build.knee_load import overload
 from gaitchain.build.search_walks import Walk, fits, walk_of
 from gaitchain.build.stride_feasibility import first_fault, joint_speeds
 from gaitchain.errors import LibraryError
@@ -127,6 +128,8 @@ def _plan_pace(
     robot: Robot, shape: StrideShape, timing: Timing, limit: float | None
 ) -> float:
     """Return the fastest of the paces that the plan can make; 0 for none."""
+    if overload(walk_of(robot, shape, timing.step, _AHEAD, 0.0)[0], timing):
+        return 0.0
 
     def fails(pace: float) -> bool:
         return not fits(robot, shape, timing, _AHEAD, pace, limit)
@@ -153,12 +156,13 @@ def _why_none(
         shape = replace(usual, hip_height=hip)
         timing = rhythm(shape)
         poses, _ = walk_of(robot, shape, timing.step, slowest, 1.0)
-        fault = first_fault(poses, timing, speed) or "its steps do not fit each other"
+        fault = overload(poses, timing) or first_fault(poses, timing, speed)
+        fault = fault or "its steps do not fit each other"
         faults.append(f"{hip:.2f} legs high, {fault}")
     speed_m_s = _PACES[0] * math.sqrt(GRAVITY * robot.reduced.leg_length)
     return (
         f"{robot.name} can make no walk, not even at {speed_m_s:.2f} m/s: with its "
-        f"hips {'; '.join(faults)}. Give those joints more range or speed in the robot "
-        "file or its profile, if they have it; `gaitchain inspect FILE` shows the legs "
-        "as they were found"
+        f"hips {'; '.join(faults)}. Give those joints more range, speed or torque in "
+        "the robot file or its profile, if they have it; `gaitchain inspect FILE` "
+        "shows the legs as they were found"
     )
