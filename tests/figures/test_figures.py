@@ -5,9 +5,10 @@ import subprocess
 import sys
 from contextlib import contextmanager
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -22,7 +23,7 @@ from gaitchain.figures.chain import figure_6, figure_7, regret_table
 from gaitchain.figures.footing import figure_11
 from gaitchain.figures.joints import figure_8
 from gaitchain.figures.robustness import plot_pass_rates, plot_pushes
-from gaitchain.figures.snapshots import figure_9
+from gaitchain.figures.snapshots import figure_9, stand_on_floor
 from gaitchain.figures.steps import outline, step_plan, to_world, walked_steps
 from gaitchain.figures.sticks import figure_10
 from gaitchain.figures.walk import plot_walk
@@ -30,8 +31,9 @@ from gaitchain.gait.family import STAND
 from gaitchain.gait.qualification import CellReport
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
-from gaitchain.robot.box_robot import JOINT_NAMES
+from gaitchain.robot.box_robot import JOINT_NAMES, load_box_robot
 from gaitchain.robot.kinematics import points
+from gaitchain.sim.model import build_model
 from gaitchain.walker.walker import Walker
 
 
@@ -436,3 +438,17 @@ def test_a_sole_lies_around_its_ankle(library):
     assert corners[0] == pytest.approx(corners[-1])
     centre = corners[:4].mean(axis=0) - [1.0, -2.0]
     assert np.linalg.norm(centre) == pytest.approx(abs(robot.reduced.sole_offset))
+
+
+def test_a_portrait_stands_on_the_floor():
+    """Its soles' lowest corners, as MuJoCo places them, are at z = 0."""
+    robot = load_box_robot("res")
+    model = build_model(robot)
+    data = mujoco.MjData(model)
+    stand_on_floor(model, data, robot)
+    for side in ("left", "right"):
+        sole = data.geom(f"{side}_foot_box")
+        corners = np.array(list(product((-1, 1), repeat=3)))
+        corners = corners * model.geom(f"{side}_foot_box").size
+        lowest = (sole.xpos + corners @ sole.xmat.reshape(3, 3).T)[:, 2].min()
+        assert lowest == pytest.approx(0.0, abs=1e-9)

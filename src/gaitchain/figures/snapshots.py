@@ -80,13 +80,24 @@ def draw_portrait(robot: Robot, looks: Sequence[Look] = ()) -> Image:
     model = build_model(robot, looks=looks)
     _light(model)
     data = mujoco.MjData(model)
-    data.qpos[7 : 7 + len(robot.legs.stand)] = robot.legs.stand
-    mujoco.mj_kinematics(model, data)
-    soles = [data.geom(f"{side}_foot_box").xpos[2] for side in SIDES]
-    data.qpos[2] -= min(soles)
-    mujoco.mj_forward(model, data)
+    stand_on_floor(model, data, robot)
     with _context(model) as context:
         return _picture(_scene(model, data, standing_height(robot)), context)
+
+
+def stand_on_floor(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot) -> None:
+    """Place a robot in its standing pose, the lower side of its soles on the floor.
+
+    Args:
+        model: of the robot, see `sim.model.build_model`.
+        data: its state, which is set.
+        robot: the robot.
+    """
+    data.qpos[7 : 7 + len(robot.legs.stand)] = robot.legs.stand
+    mujoco.mj_kinematics(model, data)
+    soles = [f"{side}_foot_box" for side in SIDES]
+    data.qpos[2] -= min(data.geom(s).xpos[2] - model.geom(s).size[2] for s in soles)
+    mujoco.mj_forward(model, data)
 
 
 def _draw(
