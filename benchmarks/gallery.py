@@ -38,6 +38,11 @@ end of the range; mass, inertia and CoM of every link off by up to 10 %; frictio
 0.6 of the speed, from the worst of eight directions, and the mean of all. Builds had
 two cores if no other number is said. [Results](results.md) have more.
 
+Not here: four URDFs of example-robot-data, built and measured with a code of before,
+are in the [results](results.md#other-files); of the Menagerie's humanoids
+apptronik_apollo, fourier_n1, pndbotics_adam_lite, toddlerbot_2xc and toddlerbot_2xm
+were not at hand. `gaitchain build NAME` downloads them, this page's command too.
+
 {begins}
 
 """
