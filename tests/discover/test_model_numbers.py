@@ -7,6 +7,7 @@ from robot_text import write
 from toy_file import toy
 
 from gaitchain.discover.load import load_model
+from gaitchain.discover.loaded_robot import load_with_findings
 from gaitchain.discover.model_numbers import check_numbers
 from gaitchain.errors import RobotFileError
 
@@ -125,3 +126,15 @@ def test_every_kind_of_mujocos_objects_has_numbers():
     model = mujoco.MjModel.from_xml_string(ALL_KINDS)
     assert np.isinf(model.actuator_forcerange).any()
     check_numbers(model)
+
+
+def test_an_actuator_that_turns_nothing_is_left_out(tmp_path):
+    text = toy()
+    for side in ("left", "right"):
+        servo = f'<position joint="{side}_tilt"'
+        text = text.replace(servo, f'{servo} gear="0"')
+    loaded = load_with_findings(write(tmp_path, text))
+    note = "2 actuators (left_tilt, right_tilt) left out: gear 0 turns nothing."
+    assert note in loaded.notes
+    assert loaded.findings.left.passive == ("left_tilt",)
+    assert loaded.model.nu == 12

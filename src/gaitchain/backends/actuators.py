@@ -89,11 +89,17 @@ def make_servo(model: Any, joint: int, actuators: Array, servo: Servo) -> None:
         servo: what they become.
 
     Raises:
-        CommandError: the actuator has dynamics that such a servo has not.
+        CommandError: the actuator turns nothing, or has dynamics that such a servo has
+            not.
     """
-    first = max(actuators, key=lambda actuator: joint_stiffness(model, actuator))
+    first = max(actuators, key=lambda a: (joint_stiffness(model, a), _gear(model, a)))
     _check_memory(model, first, servo)
     gear = float(model.actuator_gear[first, 0])
+    if gear == 0.0:
+        raise CommandError(
+            f"the model's actuator {model.actuator(first).name!r} turns nothing with "
+            "gear 0; give it another one, MuJoCo's default is 1"
+        )
     is_pid = model.actuator_gaintype[first] == _PID  # has its gains in its bias alone
     for part in (model.actuator_gainprm, model.actuator_biasprm):
         part[actuators] = 0.0
@@ -127,12 +133,16 @@ def _check_memory(model: Any, actuator: int, servo: Servo) -> None:
     )
 
 
+def _gear(model: Any, actuator: int) -> float:
+    return abs(float(model.actuator_gear[actuator, 0]))
+
+
 def _bias(model: Any, actuator: int, order: int) -> float:
     """Return the stiffness (order 1) or damping (2) of an actuator at the joint."""
     if model.actuator_biastype[actuator] != _AFFINE:
         return 0.0
-    gear = float(model.actuator_gear[actuator, 0])
-    return max(-float(model.actuator_biasprm[actuator, order]), 0.0) * gear**2
+    held = max(-float(model.actuator_biasprm[actuator, order]), 0.0)
+    return held * _gear(model, actuator) ** 2
 
 
 def _torque_limit(model: Any, actuators: Array) -> float:
@@ -156,4 +166,4 @@ def _force(model: Any, actuator: int) -> float:
     if model.actuator_ctrllimited[actuator] and not joint_stiffness(model, actuator):
         most = float(np.abs(model.actuator_ctrlrange[actuator]).min())
         force = min(force, abs(float(model.actuator_gainprm[actuator, 0])) * most)
-    return abs(float(model.actuator_gear[actuator, 0])) * force
+    return _gear(model, actuator) * force
