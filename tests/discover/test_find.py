@@ -1,6 +1,7 @@
 """Legs, soles and stance of toy robots whose names, order and frames say nothing."""
 
 import os
+import re
 from pathlib import Path
 
 import mujoco
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from robot_text import write
 from toy_file import toy as toy_file
 from toy_robot import (
     ANKLE,
@@ -360,6 +362,44 @@ def test_a_ball_joint_in_a_leg_is_refused(tmp_path):
     loaded = load_model(path)
     with pytest.raises(RobotFileError, match="left_tilt in a leg is a ball joint"):
         find(loaded.model, "toy", told, balls=loaded.balls)
+
+
+@pytest.mark.parametrize("gone", [("yaw",), HIP], ids=["beside hinges", "alone"])
+def test_a_ball_joint_at_the_hip_is_refused(tmp_path, gone):
+    """What hangs on it is welded to the base, and no link of the leg any more."""
+    text = with_ball_hips(gone)
+    loaded = load_model(write(tmp_path, text))
+    with pytest.raises(RobotFileError, match="left_yaw in a leg is a ball joint"):
+        find(loaded.model, "toy", balls=loaded.balls)
+
+
+def test_legs_of_too_few_hinges_are_told_with_their_balls(tmp_path):
+    ends = ("ankle", "tilt")
+    path = write(tmp_path, with_ball_hips((*HIP, *ends), {"yaw", "ankle"}))
+    welded = r"no legs: .*; the file: 4 ball joints \(left_yaw, .*\) welded as drawn"
+    with pytest.raises(RobotFileError, match=welded):
+        load_with_findings(path)
+
+
+def with_ball_hips(gone, balls=frozenset({"yaw"})):
+    """A toy without some hinges of its legs, and balls in the place of some."""
+    text = toy_file()
+    for name in (f"{side}_{joint}" for side in ("left", "right") for joint in gone):
+        hinge = re.search(f'<joint name="{name}"[^>]*/>', text)[0]
+        ball = f'<joint name="{name}" type="ball"/>'
+        text = text.replace(hinge, ball if name.split("_")[1] in balls else "")
+        text = re.sub(f'<position joint="{name}"[^>]*/>', "", text)
+    return text
+
+
+def test_a_ball_joint_that_both_legs_share_is_held(tmp_path):
+    """As a waist, whose weld only makes the trunk one."""
+    waist = '<body name="waist"><joint name="waist" type="ball"/><geom size=".02"/>'
+    text = toy_file().replace('<body name="left1"', f'{waist}<body name="left1"')
+    text = text.replace("</worldbody>", "</body></worldbody>")
+    loaded = load_with_findings(write(tmp_path, text))
+    assert "1 ball joint (waist) welded as drawn" in " ".join(loaded.notes)
+    assert len(loaded.findings.left.joints) == 6
 
 
 def test_slides_outside_the_legs_are_held_where_the_profile_says():

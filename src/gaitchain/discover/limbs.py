@@ -4,7 +4,7 @@ A limb is a chain of links from the base to an end of the tree; the legs are the
 mirrored limbs that reach lowest in any pose.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 from typing import Any
@@ -193,14 +193,28 @@ def refuse_balls(
     Raises:
         RobotFileError: one of them was in a leg.
     """
+    own = set[int]().union(*(bodies_of(robot, b) for b in _own_links(limbs)))
+    # A body that hung on a ball is part of what it hung from, the base at a hip.
+    ways = [set(_way(robot, limb.links[-1])) for limb in limbs]
+    names = {robot.model.body(body).name for body in own | (ways[0] ^ ways[1])}
+    for body in sorted(names.intersection(balls)):
+        raise UnfitError(
+            f"{balls[body]} in a leg is a ball joint; legs need hinges: give two or "
+            "three of them in its place"
+        )
+
+
+def _own_links(limbs: tuple[Limb, Limb]) -> set[int]:
+    """Return the links that two limbs do not share."""
     shared = shared_links(*limbs)
-    for link in (link for limb in limbs for link in limb.links[shared:]):
-        names = {robot.model.body(body).name for body in bodies_of(robot, link)}
-        for body in sorted(names.intersection(balls)):
-            raise UnfitError(
-                f"{balls[body]} in a leg is a ball joint; legs need hinges: give two "
-                "or three of them in its place"
-            )
+    return {link for limb in limbs for link in limb.links[shared:]}
+
+
+def _way(robot: PinnedRobot, body: int) -> Iterator[int]:
+    """Yield a body and all that it hangs from, up to the base."""
+    while body != robot.base:
+        yield body
+        body = int(robot.model.body_parentid[body])
 
 
 def _within(model: Any, body: int, root: int) -> bool:
