@@ -24,6 +24,9 @@ _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")  # of snake_case and CamelCa
 _SIDES = ((1.0, ("l", "left")), (-1.0, ("r", "right")))
 PITCH = 0.7
 """Cosine between a pitch joint's axis and the way across, at least."""
+YAW = 0.6
+"""Cosine between the vertical and the axis of a joint that turns the robot, at least:
+that of some hips lies half way between yaw and pitch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +112,18 @@ def _passive(
     driven = robot.driven.intersection(own) or own
     idle = [j for j in own if j in robot.followers or j not in driven]
     return (*sorted(toes), *(j for j in idle if j not in toes))
+
+
+def why_idle(robot: PinnedRobot, joint: int) -> str:
+    """Return why walking does not move a passive joint of a leg."""
+    name, leader = robot.joint_name(joint), robot.leader(joint)
+    if leader is not None:
+        return f"{name} follows {robot.joint_name(leader)} by an equality"
+    if joint in robot.followers:
+        return f"{name} is held by an equality"
+    if joint not in robot.driven:
+        return f"{name} has no actuator"
+    return f"{name} is of the toes, or not of the joints that a profile names"
 
 
 def _has_toes(
