@@ -402,6 +402,64 @@ def test_a_ball_joint_that_both_legs_share_is_held(tmp_path):
     assert len(loaded.findings.left.joints) == 6
 
 
+TIE = '</actuator><equality><joint joint1="{}" joint2="{}" polycoef="{}"/></equality>'
+
+
+def without_actuators(*joints):
+    text = toy_file()
+    for name in joints:
+        text, count = re.subn(f'<position joint="{name}"[^>]*/>', "", text)
+        assert count == 1
+    return text
+
+
+@pytest.mark.parametrize(
+    ("follower", "leader", "driven"),
+    [
+        ("right_yaw", "left_yaw", False),
+        ("left_yaw", "right_yaw", False),
+        ("right_yaw", "left_yaw", True),
+    ],
+)
+def test_hips_that_one_motor_turns_are_both_held(tmp_path, follower, leader, driven):
+    """As those of NAO."""
+    text = without_actuators(*(() if driven else (follower,)))
+    text = text.replace("</actuator>", TIE.format(follower, leader, "0 -1"))
+    loaded = load_with_findings(write(tmp_path, text))
+    found = loaded.findings
+    assert [len(leg.joints) for leg in found.legs] == [5, 5]
+    assert [leg.passive for leg in found.legs] == [("left_yaw",), ("right_yaw",)]
+    (row,) = (row for row in found.evidence if row[0] == "turning")
+    assert row[1] == "it will not turn"
+    assert f"{leader} moves {follower} with it by an equality" in row[2]
+    assert f"{follower} follows {leader} by an equality" in row[2]
+    check_standing(loaded.model, found)
+
+
+def test_a_joint_whose_actuator_is_missing_on_one_side_is_named(tmp_path):
+    path = write(tmp_path, without_actuators("right_tilt"))
+    with pytest.raises(RobotFileError) as caught:
+        load_with_findings(path)
+    assert str(caught.value).endswith(
+        ": the legs have 6 and 5 driven joints, they must have the same number; "
+        "right_tilt has no actuator; to settle it, give legs.left and legs.right in a "
+        "profile, or actuators for right_tilt in the file"
+    )
+    joints = ("yaw", "roll", "pitch", "knee", "ankle", "tilt")
+    legs = {side: [f"{side}_{name}" for name in joints] for side in ("left", "right")}
+    model = load_model(path).model
+    told = find(model, "toy", parse_profile({"legs": legs}, "p.toml"))
+    assert told.servos["right_tilt"].source == "derived: none"
+
+
+def test_legs_of_too_few_driven_joints_say_what_the_others_lack(tmp_path):
+    text = without_actuators("left_tilt", "left_yaw")
+    path = write(tmp_path, text)
+    said = "4 driven joints .* among them; left_yaw has no actuator; left_tilt has no"
+    with pytest.raises(RobotFileError, match=said):
+        load_with_findings(path)
+
+
 def test_slides_outside_the_legs_are_held_where_the_profile_says():
     builder = Builder(Toy())
 

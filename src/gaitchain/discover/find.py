@@ -27,6 +27,7 @@ from gaitchain.discover.legs import (
     knee_of,
     knee_side,
     leg_parts,
+    pair_up,
     why_idle,
 )
 from gaitchain.discover.limbs import (
@@ -100,6 +101,7 @@ def _find(
         leg_parts(robot, limb, own, answers.legs.get(side), aside)
         for limb, own, side in zip(pair, joints, ("left", "right"), strict=True)
     ]
+    legs = pair_up(robot, legs, bool(answers.legs))
     rows: Rows = [("base", model.body(base).name, "the body with the free joint")]
     robot, legs = face_forward(robot, legs, answers, rows)
     left, right = (_plan(robot, leg, answers, rows) for leg in legs)

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -74,15 +74,67 @@ def leg_parts(
         soles |= bodies_of(robot, foot)
     passive = _passive(robot, own, named, toes)
     joints = tuple(j for j in own if j not in passive)
+    idle = tuple(j for j in passive if j not in toes)
+    _check_count(robot, joints, idle)
+    _refuse_led(robot, joints, set(idle))
+    return LegParts(joints, passive, foot, frozenset(soles))
+
+
+def _check_count(
+    robot: PinnedRobot, joints: tuple[int, ...], idle: tuple[int, ...]
+) -> None:
     if not _FEWEST <= len(joints) <= _MOST:
         listed = ", ".join(robot.joint_name(j) for j in joints)
         raise UnfitError(
             f"a leg has {len(joints)} driven joints ({listed}); walking needs "
-            f"{_FEWEST} to {_MOST}, ankle pitch among them",
-            "legs.left and legs.right" if len(own) >= _FEWEST else None,
+            f"{_FEWEST} to {_MOST}, ankle pitch among them{_reasons(robot, idle)}",
+            "legs.left and legs.right" if len(joints) + len(idle) >= _FEWEST else None,
         )
-    _refuse_led(robot, joints, set(passive) - toes)
-    return LegParts(joints, passive, foot, frozenset(soles))
+
+
+def _reasons(robot: PinnedRobot, idle: Sequence[int]) -> str:
+    """Return why joints are passive, as the end of a message."""
+    return "".join(f"; {why_idle(robot, joint)}" for joint in idle)
+
+
+def pair_up(robot: PinnedRobot, legs: list[LegParts], named: bool) -> list[LegParts]:
+    """Make sure that two legs have as many joints.
+
+    A joint that moves one of the other leg with it, as both hips' yaw on one motor,
+    is held like that one.
+
+    Args:
+        robot: the robot.
+        legs: both.
+        named: whether a profile says which joints walk; these are not held.
+
+    Raises:
+        RobotFileError: one leg has more joints than the other, or too few.
+    """
+    if not named:
+        legs = [_hold_shared(robot, *pair) for pair in (legs, legs[::-1])]
+    one, other = sorted(legs, key=lambda leg: len(leg.joints))
+    if len(one.joints) != len(other.joints):
+        bare = [j for j in one.passive if j not in robot.driven | robot.followers]
+        names = ", ".join(map(robot.joint_name, bare))
+        raise UnfitError(
+            f"the legs have {len(legs[0].joints)} and {len(legs[1].joints)} driven "
+            f"joints, they must have the same number{_reasons(robot, one.passive)}",
+            "legs.left and legs.right",
+            f"actuators for {names} in the file" if bare else None,
+        )
+    return legs
+
+
+def _hold_shared(robot: PinnedRobot, leg: LegParts, other: LegParts) -> LegParts:
+    """Let the joints of a leg be passive that passive ones of the other follow."""
+    leaders = {robot.leader(joint) for joint in other.passive}
+    held = tuple(joint for joint in leg.joints if joint in leaders)
+    if not held:
+        return leg
+    joints = tuple(joint for joint in leg.joints if joint not in held)
+    _check_count(robot, joints, held)
+    return replace(leg, joints=joints, passive=(*leg.passive, *held))
 
 
 def _refuse_led(
@@ -123,6 +175,8 @@ def why_idle(robot: PinnedRobot, joint: int) -> str:
         return f"{name} is held by an equality"
     if joint not in robot.driven:
         return f"{name} has no actuator"
+    if led := robot.led_by(joint):
+        return f"{name} moves {robot.joint_name(led[0])} with it by an equality"
     return f"{name} is of the toes, or not of the joints that a profile names"
 
 
