@@ -17,6 +17,7 @@ _OF_SET_POINTS = tuple(
 )
 _PID = int(mujoco.mjtGain.mjGAIN_PID)
 _FIXED, _AFFINE = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_AFFINE)
+_BY_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 _SAME = 1e-6
 # Of damping: a file may give it as a damping ratio, so that it goes with the errors of
 # the links.
@@ -43,6 +44,14 @@ class Servo(NamedTuple):
         )
 
 
+def actuator_name(model: Any, actuator: int) -> str:
+    """Return what messages call an actuator: its name, or that of what it drives."""
+    name = str(model.actuator(actuator).name)
+    if not name and model.actuator_trntype[actuator] in _BY_JOINT:
+        return f"of joint {model.joint(model.actuator_trnid[actuator, 0]).name!r}"
+    return repr(name or actuator)
+
+
 def joint_stiffness(model: Any, actuator: int) -> float:
     """Return a position servo's stiffness at the joint; 0 for other actuators."""
     return _bias(model, actuator, 1)
@@ -66,9 +75,9 @@ def set_point_ratios(model: Any, actuators: Array) -> Array:
     """
     rates = model.actuator_dyntype[actuators] == _INTEGRATOR
     if rates.any():
-        name = model.actuator(actuators[np.argmax(rates)]).name
+        name = actuator_name(model, int(actuators[np.argmax(rates)]))
         raise CommandError(
-            f"the model's actuator {name!r} takes a speed, not an angle; make it a "
+            f"the model's actuator {name} takes a speed, not an angle; make it a "
             "<position/>"
         )
     held = -model.actuator_biasprm[actuators, 1]
@@ -97,7 +106,7 @@ def make_servo(model: Any, joint: int, actuators: Array, servo: Servo) -> None:
     gear = float(model.actuator_gear[first, 0])
     if gear == 0.0:
         raise CommandError(
-            f"the model's actuator {model.actuator(first).name!r} turns nothing with "
+            f"the model's actuator {actuator_name(model, first)} turns nothing with "
             "gear 0; give it another one, MuJoCo's default is 1"
         )
     is_pid = model.actuator_gaintype[first] == _PID  # has its gains in its bias alone
@@ -126,7 +135,7 @@ def _check_memory(model: Any, actuator: int, servo: Servo) -> None:
     if kind == _STILL or (kind in _OF_SET_POINTS and joint_stiffness(model, actuator)):
         return
     raise CommandError(
-        f"the model's actuator {model.actuator(actuator).name!r} has dynamics of its "
+        f"the model's actuator {actuator_name(model, actuator)} has dynamics of its "
         f"own and not the library's gains; give it {servo.stiffness:.4g} N m/rad, "
         f"{servo.damping:.4g} N m s/rad and a limit of {servo.limit:.4g} N m, or make "
         "it a <motor/>"

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from gaitchain.discover.ranges import BY_JOINT, actuator_name
+from gaitchain.backends.actuators import actuator_name
+from gaitchain.discover.ranges import BY_JOINT
 from gaitchain.errors import RobotFileError
 from gaitchain.messages import Array
 

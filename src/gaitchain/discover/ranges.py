@@ -13,14 +13,6 @@ _PID = int(mujoco.mjtGain.mjGAIN_PID)
 _SAME = 0.01  # rad: ends less far apart, as 3.14 and pi, are the same
 
 
-def actuator_name(model: Any, actuator: int) -> str:
-    """Return what messages call an actuator: its name, or that of what it drives."""
-    name = str(model.actuator(actuator).name)
-    if not name and model.actuator_trntype[actuator] in BY_JOINT:
-        return f"of joint {model.joint(model.actuator_trnid[actuator, 0]).name!r}"
-    return repr(name or actuator)
-
-
 def joint_range(model: Any, joint: int) -> tuple[float, float]:
     """Return between which positions a joint can be sent.
 
