@@ -460,6 +460,16 @@ def test_legs_of_too_few_driven_joints_say_what_the_others_lack(tmp_path):
         load_with_findings(path)
 
 
+def test_legs_with_slides_are_told_so(tmp_path):
+    """They are mirrored; that they are no hinges is what is wrong."""
+    text = re.sub(
+        r'<joint name="(\w+_yaw)"', r'<joint type="slide" name="\1"', toy_file()
+    )
+    assert text.count("slide") == 2
+    with pytest.raises(RobotFileError, match="left_yaw in a leg is no hinge; legs"):
+        load_with_findings(write(tmp_path, text))
+
+
 def test_slides_outside_the_legs_are_held_where_the_profile_says():
     builder = Builder(Toy())
 

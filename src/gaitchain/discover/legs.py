@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gaitchain.discover.findings import Rows, UnfitError
-from gaitchain.discover.limbs import DOWN, Limb, bodies_of
-from gaitchain.discover.pinned_robot import HINGE, PinnedRobot
+from gaitchain.discover.limbs import DOWN, Limb, bodies_of, refuse_slides
+from gaitchain.discover.pinned_robot import PinnedRobot
 from gaitchain.discover.profile import Profile
 from gaitchain.discover.shapes import ground_geoms, shapes_of
 from gaitchain.messages import Array
@@ -60,12 +60,7 @@ def leg_parts(
     Raises:
         RobotFileError: walking cannot use a leg of such joints.
     """
-    for joint in own:
-        if robot.model.jnt_type[joint] != HINGE:
-            raise UnfitError(
-                f"{robot.joint_name(joint)} in a leg is no hinge; legs need hinges",
-                "legs.left and legs.right",
-            )
+    refuse_slides(robot, own)
     foot, soles = limb.links[-1], bodies_of(robot, limb.links[-1])
     toes: frozenset[int] = frozenset()
     if named is None and _has_toes(robot, limb, own, left):
