@@ -922,6 +922,13 @@ def test_names_that_are_none_are_refused(name, match, monkeypatch):
         load_model(name)
 
 
+def test_a_link_to_nothing_is_told_where_it_leads(tmp_path):
+    link = tmp_path / "robot.xml"
+    link.symlink_to("gone.xml")
+    with pytest.raises(RobotFileError, match=r"robot\.xml: a link to gone\.xml, which"):
+        load_model(link)
+
+
 def test_a_file_that_is_missing_is_told_with_the_nearest_one(tmp_path):
     for name in ("Arm.xml", "trunk.urdf", "arm.txt"):
         write(tmp_path, "", name)
