@@ -869,6 +869,27 @@ def test_damaged_files_raise_robot_file_errors_only(tmp_path, seed, cut, junk, k
     robot.spec.compile()
 
 
+CODED = mjcf().replace("left_hip", "linke_H\u00fcfte")
+
+
+@pytest.mark.parametrize(
+    ("coding", "declared"),
+    [("latin-1", "ISO-8859-1"), ("latin-1", ""), ("utf-16", "UTF-16")],
+)
+def test_other_codings_are_told_to_be_saved_as_utf_8(tmp_path, coding, declared):
+    head = f'<?xml version="1.0" encoding="{declared}"?>' if declared else ""
+    message = refused(tmp_path, (head + CODED).encode(coding), "save it as UTF-8")
+    assert message.endswith("; save it as UTF-8")
+    assert "save it" not in refused(tmp_path, CODED.replace("hinge", "")[:-9], "XML")
+
+
+def test_other_codings_of_comments_do_not_matter(tmp_path):
+    head = '<?xml version="1.0" encoding="ISO-8859-1"?><!-- H\u00fcfte -->'
+    path = tmp_path / "robot.xml"
+    path.write_bytes((head + mjcf()).encode("latin-1"))
+    assert load_model(path).model.njnt == 7
+
+
 # -- names ---------------------------------------------------------------------------
 
 
