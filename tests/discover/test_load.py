@@ -14,6 +14,7 @@ from robot_text import write
 
 from gaitchain.discover.catalogue import list_robots
 from gaitchain.discover.load import load_model
+from gaitchain.discover.notes import Doubt
 from gaitchain.discover.trees import keep_one_tree
 from gaitchain.errors import RobotFileError
 
@@ -888,6 +889,18 @@ def test_other_codings_of_comments_do_not_matter(tmp_path):
     path = tmp_path / "robot.xml"
     path.write_bytes((head + mjcf()).encode("latin-1"))
     assert load_model(path).model.njnt == 7
+
+
+@pytest.mark.parametrize(("low", "high"), [(120, 0), (30, 30)])
+def test_a_range_that_mujoco_leaves_out_is_doubted(tmp_path, low, high):
+    text = mjcf().replace('range="0 120"', f'range="{low} {high}"')
+    robot, model, notes = load(tmp_path, text)
+    assert not model.jnt_limited[model.joint("left_knee").id]
+    said = "2 joints (left_knee, right_knee) without limits: the lower end of its range"
+    assert said in notes
+    assert any(isinstance(note, Doubt) and said in note for note in robot.notes)
+    _, _, plain = load(tmp_path, mjcf().replace('range="0 120"', 'range="0 0"'))
+    assert "without limits" not in plain
 
 
 # -- names ---------------------------------------------------------------------------

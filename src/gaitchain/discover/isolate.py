@@ -75,7 +75,7 @@ def isolate(spec: Any) -> list[str]:
     notes += drop_keys(spec, lambda _: not next(kept) or bool(freed))
     notes += _reset_options(spec)
     notes += _name_all(spec)
-    notes += _into_radians(spec)
+    notes += _into_radians(spec) + _doubt_ranges(spec)
     if not spec.actuators:
         notes.append("It has no actuators; servos have to be added.")
     return notes
@@ -296,6 +296,22 @@ def _doubt_degrees(items: list[Any]) -> list[str]:
             '<compiler angle="radian"/> missing?'
         )
     ]
+
+
+def _doubt_ranges(spec: Any) -> list[str]:
+    """Doubt ranges that MuJoCo leaves out, as the lower end is not the lower one."""
+    auto = mujoco.mjtLimited.mjLIMITED_AUTO
+    turned = [
+        joint.name
+        for joint in spec.joints
+        if joint.limited == auto and any(joint.range)
+        if joint.range[0] >= joint.range[1]
+    ]
+    if not turned:
+        return []
+    what = listed("joint", turned)
+    why = "the lower end of its range does not lie below the upper"
+    return [Doubt(f"{what} without limits: {why}.")]
 
 
 def _turn_into_radians(item: Any) -> None:
