@@ -25,6 +25,7 @@ from gaitchain.figures.robustness import plot_pass_rates, plot_pushes
 from gaitchain.figures.snapshots import figure_9
 from gaitchain.figures.steps import outline, step_plan, to_world, walked_steps
 from gaitchain.figures.sticks import figure_10
+from gaitchain.figures.style import drawing
 from gaitchain.figures.walk import plot_walk
 from gaitchain.gait.family import STAND
 from gaitchain.gait.qualification import CellReport
@@ -33,6 +34,13 @@ from gaitchain.messages import Command
 from gaitchain.robot.box_robot import JOINT_NAMES
 from gaitchain.robot.kinematics import points
 from gaitchain.walker.walker import Walker
+
+
+def test_names_in_any_script_are_drawn_without_a_word(tmp_path):
+    """Warnings are errors here; no font that comes with matplotlib has Chinese."""
+    with drawing(tmp_path / "name.png", 2.0, 1.0) as figure:
+        figure.suptitle("\u673a\u5668\u4eba")
+    assert (tmp_path / "name.png").stat().st_size > 500
 
 
 @pytest.fixture(scope="module")
