@@ -107,7 +107,8 @@ class MotorTargets:
     velocity: Array
     """(2 n,) of the reference [rad/s]"""
     torque: Array
-    """(2 n,) fed forward, within the motors' limits [N m]"""
+    """(2 n,) fed forward; within the motors' limits as a walker makes it, not as
+    `with_gains` does [N m]"""
     stiffness: Array
     """(2 n,) kp [N m/rad]"""
     damping: Array
@@ -125,9 +126,15 @@ class MotorTargets:
         torque that is held for a period T damps a rotor J stably by 2 J / T at most, so
         D - kd ends there.
 
+        The torque alone may exceed the motors' limits where a joint is far from its
+        reference: what the driver limits is its sum with kp and kd.
+
         Args:
             gains: the driver's.
             measured: the joints.
+
+        Returns:
+            Targets of those gains, whose torque is not limited.
         """
         position = self.position + measured.age_s * self.velocity
         missed = (self.stiffness - gains.stiffness) * (position - measured.position)

@@ -296,6 +296,7 @@ def test_actuators_with_other_gains_become_one_servo(toy_library):
             '<general joint="{}" dyntype="filter" dynprm="0.01"/>',
             "dynamics of its own and not the library's gains; give it .* N m/rad",
         ),
+        ('<position joint="{}" kp="300" gear="0"/>', "turns nothing with gear 0"),
     ],
 )
 def test_actuators_that_cannot_be_aimed_are_refused(toy_library, actuator, message):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from commands import call
 from planned_library import planned_library
 from toy_file import toy
 from toy_robot import Builder, Toy, tie_hip_pitches
@@ -18,6 +19,7 @@ from gaitchain.build.gate import gate_own
 from gaitchain.build.own_model import (
     describe_own_model,
     own_digest,
+    own_fault,
     own_model,
     run_own_trials,
     speed_along,
@@ -25,7 +27,7 @@ from gaitchain.build.own_model import (
 from gaitchain.build.trial import Trial, TrialRun
 from gaitchain.build.workers import Crew
 from gaitchain.discover.loaded_robot import load_robot
-from gaitchain.errors import CommandError
+from gaitchain.errors import ChainError, CommandError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import CONTROL_PERIOD_S, Command
@@ -379,6 +381,45 @@ def test_a_robot_that_cannot_be_simulated_as_it_is_keeps_the_skeletons_verdict(
     assert "not the file that the library" not in own.fault
     assert gated.qualified
     assert gated.qualification.verdict == "yes, but not in the robot's own model"
+
+
+@pytest.fixture
+def rated(tmp_path):
+    """The toy with an actuator without a name that takes a speed."""
+    file = tmp_path / "rated.xml"
+    servo = '<position joint="left_knee"'
+    rate = '<intvelocity actrange="-3 3" joint="left_knee"'
+    file.write_text(toy().replace(servo, rate), "utf-8")
+    return file
+
+
+def test_what_keeps_the_own_model_from_being_walked_is_known_early(toy_path, rated):
+    assert own_fault(toy_path, load_robot(toy_path)) == ""
+    assert own_fault("res", load_box_robot("res")) == ""
+    assert own_fault(rated, load_robot(rated)) == (
+        f"{rated} cannot be simulated as it is: the model's actuator of joint "
+        "'left_knee' takes a speed, not an angle; make it a <position/>"
+    )
+
+
+def test_a_build_says_so_before_it_begins(rated, capsys, monkeypatch):
+    def stop(*_):
+        raise ChainError("the build itself")
+
+    monkeypatch.setattr("gaitchain.cli.build.build_library", stop)
+    monkeypatch.setenv("COLUMNS", "400")
+    _, out, err = call(capsys, "build", rated, "-o", rated.with_suffix(".gait"))
+    assert "it will not be walked in the robot's own model: " in out
+    assert "'left_knee' takes a speed" in out and "the build itself" in err
+
+
+@pytest.mark.slow
+def test_inspect_says_so(rated, tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "400")
+    code, out, _ = call(capsys, "inspect", rated, "-o", tmp_path / "seen.png")
+    assert code == 0
+    assert "- A library will not be walked in the robot's own model: " in out
+    assert "'left_knee' takes a speed" in out
 
 
 def test_boxes_and_zero_runs_are_left_alone(toy_path, toy_library):

@@ -1,6 +1,7 @@
 """Legs, soles and stance of toy robots whose names, order and frames say nothing."""
 
 import os
+import re
 from pathlib import Path
 
 import mujoco
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from robot_text import write
 from toy_file import toy as toy_file
 from toy_robot import (
     ANKLE,
@@ -360,6 +362,112 @@ def test_a_ball_joint_in_a_leg_is_refused(tmp_path):
     loaded = load_model(path)
     with pytest.raises(RobotFileError, match="left_tilt in a leg is a ball joint"):
         find(loaded.model, "toy", told, balls=loaded.balls)
+
+
+@pytest.mark.parametrize("gone", [("yaw",), HIP], ids=["beside hinges", "alone"])
+def test_a_ball_joint_at_the_hip_is_refused(tmp_path, gone):
+    """What hangs on it is welded to the base, and no link of the leg any more."""
+    text = with_ball_hips(gone)
+    loaded = load_model(write(tmp_path, text))
+    with pytest.raises(RobotFileError, match="left_yaw in a leg is a ball joint"):
+        find(loaded.model, "toy", balls=loaded.balls)
+
+
+def test_legs_of_too_few_hinges_are_told_with_their_balls(tmp_path):
+    ends = ("ankle", "tilt")
+    path = write(tmp_path, with_ball_hips((*HIP, *ends), {"yaw", "ankle"}))
+    welded = r"no legs: .*; the file: 4 ball joints \(left_yaw, .*\) welded as drawn"
+    with pytest.raises(RobotFileError, match=welded):
+        load_with_findings(path)
+
+
+def with_ball_hips(gone, balls=frozenset({"yaw"})):
+    """A toy without some hinges of its legs, and balls in the place of some."""
+    text = toy_file()
+    for name in (f"{side}_{joint}" for side in ("left", "right") for joint in gone):
+        hinge = re.search(f'<joint name="{name}"[^>]*/>', text)[0]
+        ball = f'<joint name="{name}" type="ball"/>'
+        text = text.replace(hinge, ball if name.split("_")[1] in balls else "")
+        text = re.sub(f'<position joint="{name}"[^>]*/>', "", text)
+    return text
+
+
+def test_a_ball_joint_that_both_legs_share_is_held(tmp_path):
+    """As a waist, whose weld only makes the trunk one."""
+    waist = '<body name="waist"><joint name="waist" type="ball"/><geom size=".02"/>'
+    text = toy_file().replace('<body name="left1"', f'{waist}<body name="left1"')
+    text = text.replace("</worldbody>", "</body></worldbody>")
+    loaded = load_with_findings(write(tmp_path, text))
+    assert "1 ball joint (waist) welded as drawn" in " ".join(loaded.notes)
+    assert len(loaded.findings.left.joints) == 6
+
+
+TIE = '</actuator><equality><joint joint1="{}" joint2="{}" polycoef="{}"/></equality>'
+
+
+def without_actuators(*joints):
+    text = toy_file()
+    for name in joints:
+        text, count = re.subn(f'<position joint="{name}"[^>]*/>', "", text)
+        assert count == 1
+    return text
+
+
+@pytest.mark.parametrize(
+    ("follower", "leader", "driven"),
+    [
+        ("right_yaw", "left_yaw", False),
+        ("left_yaw", "right_yaw", False),
+        ("right_yaw", "left_yaw", True),
+    ],
+)
+def test_hips_that_one_motor_turns_are_both_held(tmp_path, follower, leader, driven):
+    """As those of NAO."""
+    text = without_actuators(*(() if driven else (follower,)))
+    text = text.replace("</actuator>", TIE.format(follower, leader, "0 -1"))
+    loaded = load_with_findings(write(tmp_path, text))
+    found = loaded.findings
+    assert [len(leg.joints) for leg in found.legs] == [5, 5]
+    assert [leg.passive for leg in found.legs] == [("left_yaw",), ("right_yaw",)]
+    (row,) = (row for row in found.evidence if row[0] == "turning")
+    assert row[1] == "it will not turn"
+    assert f"{leader} moves {follower} with it by an equality" in row[2]
+    assert f"{follower} follows {leader} by an equality" in row[2]
+    check_standing(loaded.model, found)
+
+
+def test_a_joint_whose_actuator_is_missing_on_one_side_is_named(tmp_path):
+    path = write(tmp_path, without_actuators("right_tilt"))
+    with pytest.raises(RobotFileError) as caught:
+        load_with_findings(path)
+    assert str(caught.value).endswith(
+        ": the legs have 6 and 5 driven joints, they must have the same number; "
+        "right_tilt has no actuator; to settle it, give legs.left and legs.right in a "
+        "profile, or actuators for right_tilt in the file"
+    )
+    joints = ("yaw", "roll", "pitch", "knee", "ankle", "tilt")
+    legs = {side: [f"{side}_{name}" for name in joints] for side in ("left", "right")}
+    model = load_model(path).model
+    told = find(model, "toy", parse_profile({"legs": legs}, "p.toml"))
+    assert told.servos["right_tilt"].source == "derived: none"
+
+
+def test_legs_of_too_few_driven_joints_say_what_the_others_lack(tmp_path):
+    text = without_actuators("left_tilt", "left_yaw")
+    path = write(tmp_path, text)
+    said = "4 driven joints .* among them; left_yaw has no actuator; left_tilt has no"
+    with pytest.raises(RobotFileError, match=said):
+        load_with_findings(path)
+
+
+def test_legs_with_slides_are_told_so(tmp_path):
+    """They are mirrored; that they are no hinges is what is wrong."""
+    text = re.sub(
+        r'<joint name="(\w+_yaw)"', r'<joint type="slide" name="\1"', toy_file()
+    )
+    assert text.count("slide") == 2
+    with pytest.raises(RobotFileError, match="left_yaw in a leg is no hinge; legs"):
+        load_with_findings(write(tmp_path, text))
 
 
 def test_slides_outside_the_legs_are_held_where_the_profile_says():

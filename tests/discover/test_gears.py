@@ -8,6 +8,7 @@ from toy_robot import Builder, Toy
 from gaitchain.discover.find import find
 from gaitchain.discover.gears import fold_gears
 from gaitchain.discover.load import load_model
+from gaitchain.discover.notes import Doubt
 
 TIE = '<joint joint1="{0}" joint2="{1}" polycoef="{2} {3} {4} 0 0" solref="0.004 1"/>'
 GEARED = """
@@ -20,9 +21,17 @@ GEARED = """
     <body name="thigh" pos="0 0 -0.1"><joint name="yaw" axis="0 0 1"/>
       <geom type="capsule" fromto="0 0 0 0.1 0 -0.2" size="0.02" mass="0.5"/></body>
   </body></worldbody>
+  <tendon><fixed name="belt"><joint joint="yaw" coef="2"/><joint joint="motor"
+    coef="1"/></fixed><fixed name="cord"><joint joint="yaw" coef="3"/></fixed>
+    <fixed name="reel"><joint joint="motor" coef="2"/></fixed></tendon>
   <equality>{tie}</equality>
   <actuator><position joint="motor" kp="2" kv="0.1" forcerange="-1 1"/>{more}
   </actuator></mujoco>"""
+BELT = '<tendon tendon1="belt" solref="0.004 1"/>'
+TWO_CORDS = (
+    '<tendon tendon1="cord" tendon2="reel" polycoef="0 -0.75" solref="0.004 1"/>'
+)
+PULLEY = '<body pos="0 0 0.02"><geom size="0.01" mass="0.01"/></body>'
 CHILD = '<body><joint axis="0 1 0"/><geom size="0.01" pos="0.05 0 0"/></body>'
 
 
@@ -49,13 +58,16 @@ def turned(spec, wanted):
         (TIE.format("yaw", "motor", 0, -0.5, 0), -0.5),
         (TIE.format("yaw", "motor", 0, 2, 0), 2.0),
         (TIE.format("motor", "yaw", 0, 3, 0), 1.0 / 3.0),
+        (BELT, -0.5),
+        (TWO_CORDS, -0.5),
     ],
 )
-def test_a_folded_gear_moves_as_the_gear_does(tie, ratio):
-    folded = geared(tie)
+@pytest.mark.parametrize("child", ["", PULLEY], ids=["", "pulley"])
+def test_a_folded_gear_moves_as_the_gear_does(tie, ratio, child):
+    folded = geared(tie, child)
     (note,) = fold_gears(folded)
     assert note.startswith(f"yaw is turned by motor through a gear of {ratio:.4g}")
-    before, after = turned(geared(tie), 0.6), turned(folded, 0.6)
+    before, after = turned(geared(tie, child), 0.6), turned(folded, 0.6)
     assert before[-1] == pytest.approx(0.6 * ratio, abs=0.02)
     assert after == pytest.approx(before, abs=5e-3)
 
@@ -117,7 +129,6 @@ def test_an_offset_is_said():
 @pytest.mark.parametrize(
     "spec",
     [
-        geared(TIE.format("yaw", "motor", 0, -0.5, 0.2)),
         geared(TIE.format("yaw", "motor", 0, 1, 0), child=CHILD),
         geared(
             TIE.format("yaw", "motor", 0, 1, 0), more='<motor joint="yaw" gear="1"/>'
@@ -125,7 +136,7 @@ def test_an_offset_is_said():
         geared('<joint joint1="motor" polycoef="0 1 0 0 0"/>'),
         geared(TIE.format("yaw", "motor", 0, "inf", 0)),
     ],
-    ids=["a cam", "the motor carries more", "driven at both ends", "held", "infinite"],
+    ids=["the motor carries more", "driven at both ends", "held", "infinite"],
 )
 def test_what_is_no_gear_stays(spec):
     before = spec.to_xml()
@@ -133,7 +144,33 @@ def test_what_is_no_gear_stays(spec):
     assert spec.to_xml() == before
 
 
-def gear_the_yaws(builder, ratio):
+def test_a_cam_stays_and_is_doubted():
+    cam = geared(TIE.format("yaw", "motor", 0, -0.5, 0.2))
+    before = cam.to_xml()
+    (doubt,) = fold_gears(cam)
+    assert isinstance(doubt, Doubt)
+    assert doubt.startswith("yaw is coupled to motor by a curve, which is no gear, and")
+    assert cam.to_xml() == before
+
+
+def test_the_offset_of_a_belt_is_in_the_joints_own_angle():
+    """Against MuJoCo, which has both joints count from where they are drawn."""
+    tied = geared(BELT.replace("/>", ' polycoef="0.2"/>'))
+    tied.joint("motor").ref, tied.joint("yaw").ref = 0.4, 0.3
+    data = mujoco.MjData(tied.compile())
+    data.joint("yaw").qpos[0] = 0.3 + 0.1 - 0.5 * 0.7
+    data.joint("motor").qpos[0] = 0.4 + 0.7
+    mujoco.mj_forward(data.model, data)
+    assert data.efc_pos[0] == pytest.approx(0.0, abs=1e-9)
+    fold_gears(tied)
+    again = mujoco.MjData(tied.compile())
+    again.qpos[:] = data.qpos
+    mujoco.mj_forward(again.model, again)
+    assert again.model.eq_type.tolist() == [int(mujoco.mjtEq.mjEQ_JOINT)]
+    assert again.efc_pos[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def gear_the_yaws(builder, ratio, curve=0.0):
     """Turn a toy's hips by motors beside them."""
     spec, servos = builder.spec, builder.servos
 
@@ -146,7 +183,7 @@ def gear_the_yaws(builder, ratio):
             motor = builder.hinge(rotor, "yaw", ("motor", side), (-3.0, 3.0))
             tie = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT)
             tie.name1, tie.name2 = name, motor.name
-            tie.data[:5] = [0.0, ratio, 0.0, 0.0, 0.0]
+            tie.data[:5] = [0.0, ratio, curve, 0.0, 0.0]
         servos()
 
     builder.servos = gear
@@ -171,3 +208,18 @@ def test_a_leg_turns_by_its_geared_hip(tmp_path):
     assert found.servos[yaw].source == "actuator"
     other = plain.servos[yaw]
     assert found.servos[yaw].stiffness == pytest.approx(other.stiffness / 0.25)
+
+
+def test_a_hip_that_a_cam_turns_is_held_and_said():
+    builder = Builder(Toy())
+    gear_the_yaws(builder, -0.5, curve=0.02)
+    found = find(builder.model(), "toy")
+    yaws = [builder.made[side, "hip_yaw"][0] for side in (0, 1)]
+    motors = [builder.made["motor", side][0] for side in (0, 1)]
+    assert [leg.passive for leg in found.legs] == [(yaw,) for yaw in yaws]
+    (row,) = (row for row in found.evidence if row[0] == "turning")
+    assert row[1] == "it will not turn"
+    for yaw, motor in zip(yaws, motors, strict=True):
+        assert f"{yaw} follows {motor} by an equality" in row[2]
+    whole = find(Builder(Toy()).model(), "toy")
+    assert "turning" not in [row[0] for row in whole.evidence]

@@ -14,6 +14,7 @@ from robot_text import write
 
 from gaitchain.discover.catalogue import list_robots
 from gaitchain.discover.load import load_model
+from gaitchain.discover.notes import Doubt
 from gaitchain.discover.trees import keep_one_tree
 from gaitchain.errors import RobotFileError
 
@@ -869,6 +870,39 @@ def test_damaged_files_raise_robot_file_errors_only(tmp_path, seed, cut, junk, k
     robot.spec.compile()
 
 
+CODED = mjcf().replace("left_hip", "linke_H\u00fcfte")
+
+
+@pytest.mark.parametrize(
+    ("coding", "declared"),
+    [("latin-1", "ISO-8859-1"), ("latin-1", ""), ("utf-16", "UTF-16")],
+)
+def test_other_codings_are_told_to_be_saved_as_utf_8(tmp_path, coding, declared):
+    head = f'<?xml version="1.0" encoding="{declared}"?>' if declared else ""
+    message = refused(tmp_path, (head + CODED).encode(coding), "save it as UTF-8")
+    assert message.endswith("; save it as UTF-8")
+    assert "save it" not in refused(tmp_path, CODED.replace("hinge", "")[:-9], "XML")
+
+
+def test_other_codings_of_comments_do_not_matter(tmp_path):
+    head = '<?xml version="1.0" encoding="ISO-8859-1"?><!-- H\u00fcfte -->'
+    path = tmp_path / "robot.xml"
+    path.write_bytes((head + mjcf()).encode("latin-1"))
+    assert load_model(path).model.njnt == 7
+
+
+@pytest.mark.parametrize(("low", "high"), [(120, 0), (30, 30)])
+def test_a_range_that_mujoco_leaves_out_is_doubted(tmp_path, low, high):
+    text = mjcf().replace('range="0 120"', f'range="{low} {high}"')
+    robot, model, notes = load(tmp_path, text)
+    assert not model.jnt_limited[model.joint("left_knee").id]
+    said = "2 joints (left_knee, right_knee) without limits: the lower end of its range"
+    assert said in notes
+    assert any(isinstance(note, Doubt) and said in note for note in robot.notes)
+    _, _, plain = load(tmp_path, mjcf().replace('range="0 120"', 'range="0 0"'))
+    assert "without limits" not in plain
+
+
 # -- names ---------------------------------------------------------------------------
 
 
@@ -920,6 +954,13 @@ def test_names_that_are_none_are_refused(name, match, monkeypatch):
     monkeypatch.setattr("gaitchain.discover.catalogue._package", lambda: None)
     with pytest.raises(RobotFileError, match=match):
         load_model(name)
+
+
+def test_a_link_to_nothing_is_told_where_it_leads(tmp_path):
+    link = tmp_path / "robot.xml"
+    link.symlink_to("gone.xml")
+    with pytest.raises(RobotFileError, match=r"robot\.xml: a link to gone\.xml, which"):
+        load_model(link)
 
 
 def test_a_file_that_is_missing_is_told_with_the_nearest_one(tmp_path):

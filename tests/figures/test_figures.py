@@ -26,6 +26,7 @@ from gaitchain.figures.robustness import plot_pass_rates, plot_pushes
 from gaitchain.figures.snapshots import figure_9, stand_on_floor
 from gaitchain.figures.steps import outline, step_plan, to_world, walked_steps
 from gaitchain.figures.sticks import figure_10
+from gaitchain.figures.style import drawing
 from gaitchain.figures.walk import plot_walk
 from gaitchain.gait.family import STAND
 from gaitchain.gait.qualification import CellReport
@@ -35,6 +36,13 @@ from gaitchain.robot.box_robot import JOINT_NAMES, load_box_robot
 from gaitchain.robot.kinematics import points
 from gaitchain.sim.model import build_model
 from gaitchain.walker.walker import Walker
+
+
+def test_names_in_any_script_are_drawn_without_a_word(tmp_path):
+    """Warnings are errors here; no font that comes with matplotlib has Chinese."""
+    with drawing(tmp_path / "name.png", 2.0, 1.0) as figure:
+        figure.suptitle("\u673a\u5668\u4eba")
+    assert (tmp_path / "name.png").stat().st_size > 500
 
 
 @pytest.fixture(scope="module")

@@ -27,6 +27,7 @@ MESH = (
     '<freejoint/><geom type="mesh" mesh="m" mass="1"/>',
 )
 SOLE = 'type="box" size="0.09 0.05 0.01" pos="0.02 0 -0.04"'
+KNEE = 'name="left_knee" axis="0 1 0"'
 INERTIAL = '<inertial mass="0.3" pos="0 0 0" diaginertia="3e-4 3e-4 3e-4"/>'
 LEG = ", ".join(f'"left_{j}"' for j in JOINTS).replace("knee", "kne")
 FILES = {
@@ -48,6 +49,13 @@ FILES = {
     "stiff.xml": lambda t: t.replace(
         '"1 0 0" range="-1 1"', '"1 0 0" range="-.06 .06"'
     ),
+    "damped.xml": lambda t: t.replace(KNEE, f'{KNEE} damping="nan"'),
+    "hips.xml": lambda t: re.sub(
+        '(_yaw") axis="0 0 1" range="-1 1"',
+        r'\1 type="ball"',
+        re.sub('<position joint="[a-z]+_yaw"[^>]*/>', "", t),
+    ),
+    "one_tilt.xml": lambda t: re.sub('<position joint="right_tilt"[^>]*/>', "", t),
     "my_robot.xml": lambda t: t,
     "high.toml": lambda t: "[stand]\nhip_height = 0.7\n",
     "odd.toml": lambda t: "[stand]\nhip_hight = 0.4\n",
@@ -83,6 +91,9 @@ def here(folder, monkeypatch):
         ("inspect", "fused.xml"),
         ("inspect", "bare.urdf"),
         ("inspect", "nan.xml"),
+        ("inspect", "damped.xml"),
+        ("inspect", "hips.xml"),
+        ("inspect", "one_tilt.xml"),
         ("inspect", "mesh.xml"),
         ("inspect", "balls.xml"),
         ("inspect", "bare.xml"),

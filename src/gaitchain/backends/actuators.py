@@ -17,6 +17,7 @@ _OF_SET_POINTS = tuple(
 )
 _PID = int(mujoco.mjtGain.mjGAIN_PID)
 _FIXED, _AFFINE = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_AFFINE)
+_BY_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 _SAME = 1e-6
 # Of damping: a file may give it as a damping ratio, so that it goes with the errors of
 # the links.
@@ -43,6 +44,14 @@ class Servo(NamedTuple):
         )
 
 
+def actuator_name(model: Any, actuator: int) -> str:
+    """Return what messages call an actuator: its name, or that of what it drives."""
+    name = str(model.actuator(actuator).name)
+    if not name and model.actuator_trntype[actuator] in _BY_JOINT:
+        return f"of joint {model.joint(model.actuator_trnid[actuator, 0]).name!r}"
+    return repr(name or actuator)
+
+
 def joint_stiffness(model: Any, actuator: int) -> float:
     """Return a position servo's stiffness at the joint; 0 for other actuators."""
     return _bias(model, actuator, 1)
@@ -66,9 +75,9 @@ def set_point_ratios(model: Any, actuators: Array) -> Array:
     """
     rates = model.actuator_dyntype[actuators] == _INTEGRATOR
     if rates.any():
-        name = model.actuator(actuators[np.argmax(rates)]).name
+        name = actuator_name(model, int(actuators[np.argmax(rates)]))
         raise CommandError(
-            f"the model's actuator {name!r} takes a speed, not an angle; make it a "
+            f"the model's actuator {name} takes a speed, not an angle; make it a "
             "<position/>"
         )
     held = -model.actuator_biasprm[actuators, 1]
@@ -89,11 +98,17 @@ def make_servo(model: Any, joint: int, actuators: Array, servo: Servo) -> None:
         servo: what they become.
 
     Raises:
-        CommandError: the actuator has dynamics that such a servo has not.
+        CommandError: the actuator turns nothing, or has dynamics that such a servo has
+            not.
     """
-    first = max(actuators, key=lambda actuator: joint_stiffness(model, actuator))
+    first = max(actuators, key=lambda a: (joint_stiffness(model, a), _gear(model, a)))
     _check_memory(model, first, servo)
     gear = float(model.actuator_gear[first, 0])
+    if gear == 0.0:
+        raise CommandError(
+            f"the model's actuator {actuator_name(model, first)} turns nothing with "
+            "gear 0; give it another one, MuJoCo's default is 1"
+        )
     is_pid = model.actuator_gaintype[first] == _PID  # has its gains in its bias alone
     for part in (model.actuator_gainprm, model.actuator_biasprm):
         part[actuators] = 0.0
@@ -120,19 +135,23 @@ def _check_memory(model: Any, actuator: int, servo: Servo) -> None:
     if kind == _STILL or (kind in _OF_SET_POINTS and joint_stiffness(model, actuator)):
         return
     raise CommandError(
-        f"the model's actuator {model.actuator(actuator).name!r} has dynamics of its "
+        f"the model's actuator {actuator_name(model, actuator)} has dynamics of its "
         f"own and not the library's gains; give it {servo.stiffness:.4g} N m/rad, "
         f"{servo.damping:.4g} N m s/rad and a limit of {servo.limit:.4g} N m, or make "
         "it a <motor/>"
     )
 
 
+def _gear(model: Any, actuator: int) -> float:
+    return abs(float(model.actuator_gear[actuator, 0]))
+
+
 def _bias(model: Any, actuator: int, order: int) -> float:
     """Return the stiffness (order 1) or damping (2) of an actuator at the joint."""
     if model.actuator_biastype[actuator] != _AFFINE:
         return 0.0
-    gear = float(model.actuator_gear[actuator, 0])
-    return max(-float(model.actuator_biasprm[actuator, order]), 0.0) * gear**2
+    held = max(-float(model.actuator_biasprm[actuator, order]), 0.0)
+    return held * _gear(model, actuator) ** 2
 
 
 def _torque_limit(model: Any, actuators: Array) -> float:
@@ -156,4 +175,4 @@ def _force(model: Any, actuator: int) -> float:
     if model.actuator_ctrllimited[actuator] and not joint_stiffness(model, actuator):
         most = float(np.abs(model.actuator_ctrlrange[actuator]).min())
         force = min(force, abs(float(model.actuator_gainprm[actuator, 0])) * most)
-    return abs(float(model.actuator_gear[actuator, 0])) * force
+    return _gear(model, actuator) * force

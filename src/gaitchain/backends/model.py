@@ -3,7 +3,7 @@
 import copy
 import math
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import mujoco
 import numpy as np
@@ -17,10 +17,10 @@ from gaitchain.backends.actuators import (
 )
 from gaitchain.backends.mujoco import SimulatedMotors, count_steps
 from gaitchain.errors import CommandError
-from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array, Sensors
 from gaitchain.robot.holding import holding_stiffness
 from gaitchain.robot.leg_model import LegModel
+from gaitchain.robot.robot import Robot
 from gaitchain.sim.stability import divergences
 from gaitchain.sim.truth import FALL_HEIGHT, FALL_TILT
 
@@ -38,6 +38,14 @@ _NAMED = 6  # joints that a message names
 
 class OtherRobotError(CommandError):
     """A model is not that of the library's robot."""
+
+
+class OfRobot(Protocol):
+    """What is of a robot, as its gait library is."""
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
 
 
 class InModel(NamedTuple):
@@ -64,7 +72,7 @@ class ModelBackend(SimulatedMotors):
     def __init__(
         self,
         model: mujoco.MjModel,
-        library: GaitLibrary,
+        library: OfRobot,
         period_s: float = CONTROL_PERIOD_S,
         *,
         imu: str | None = None,
@@ -75,7 +83,7 @@ class ModelBackend(SimulatedMotors):
         Args:
             model: a model with a floor; the robot's joints are named as in the file
                 that the library was built from, and its base has a free joint.
-            library: the gait library of the robot.
+            library: the gait library of the robot, or what else has it.
             period_s: control period, a whole number of the model's time steps [s].
             imu: site of a gyro and an accelerometer, which measure in its frame; by
                 default both are computed from the base's motion, without errors.

@@ -5,6 +5,8 @@ times as fast. What is judged here is the robot as its maker describes it: arms 
 own actuators hold, soles as they are, its own friction, contacts and solver. Ours.
 """
 
+from __future__ import annotations
+
 import hashlib
 import math
 from collections.abc import Iterator, Sequence
@@ -19,9 +21,9 @@ import numpy as np
 
 from gaitchain.analysis.base_motion import Stretch, achieved, along, own_motion
 from gaitchain.analysis.simulated_walk import run_unrecorded
-from gaitchain.backends.model import ModelBackend, OtherRobotError
+from gaitchain.backends.model import ModelBackend, OfRobot, OtherRobotError
 from gaitchain.build.jobs import run_jobs
-from gaitchain.build.own_floor import lay_floor, sole_contacts
+from gaitchain.build.own_floor import SoleContacts, lay_floor, sole_contacts
 from gaitchain.build.trial import Trial, TrialRun, draw_schedule, draw_world
 from gaitchain.build.workers import available_cores
 from gaitchain.discover.catalogue import find_robot_file
@@ -89,7 +91,7 @@ def run_own_trials(
             f"{trial.library.robot.name} was identified and is not that of {file} "
             "any more; walk the library from which that was done"
         )
-    _backend(trial, file, World())
+    _backend(trial.library, file, World())
     jobs = [(trial, str(file), (seed, i)) for i in range(runs)]
     return run_jobs(_run, jobs, TrialRun, workers or available_cores())
 
@@ -104,11 +106,8 @@ def describe_own_model(file: str | Path, library: GaitLibrary) -> OwnModel:
     Raises:
         CommandError: the file is that of another robot, or cannot be simulated.
     """
-    backend = _backend(Trial(library), file, World())
+    backend, contacts = _standing(file, library)
     model, alone = backend.model, _alone(file, library.robot)
-    with of_its_file(file, library):
-        _check_stands(backend, library)
-        contacts = sole_contacts(backend)
     return OwnModel(
         joints=model.njnt - 1,
         actuators=model.nu,
@@ -120,6 +119,43 @@ def describe_own_model(file: str | Path, library: GaitLibrary) -> OwnModel:
         step=alone.step,
         left_out=len(pulling_at(alone.spec, library.robot.legs.joint_names)),
     )
+
+
+def own_fault(file: str | Path, robot: Robot) -> str:
+    """Return why no library of a robot could be walked in the file's own model.
+
+    Such a library may be qualified all the same, so that this is said and no error.
+
+    Args:
+        file: see `run_own_trials`.
+        robot: that was found in it.
+
+    Returns:
+        The reason; empty if it can be walked, and where a file is no model of it: of a
+        robot of boxes, or one that was identified.
+    """
+    if robot.boxes or robot.identified is not None:
+        return ""
+    try:
+        _standing(file, _Owner(robot))
+    except CommandError as error:
+        return str(error)
+    return ""
+
+
+class _Owner(NamedTuple):
+    """A robot without a library."""
+
+    robot: Robot
+
+
+def _standing(file: str | Path, library: OfRobot) -> tuple[_Tracked, SoleContacts]:
+    """Return a robot in its own model, in which it can stand, and its contacts."""
+    backend = _backend(library, file, World())
+    with of_its_file(file, library):
+        contacts = sole_contacts(backend)
+        _check_stands(backend)
+        return backend, contacts
 
 
 def own_model(file: str | Path, robot: Robot, world: World) -> mujoco.MjModel:
@@ -298,9 +334,8 @@ class _Tracked(ModelBackend):
         return found
 
 
-def _backend(trial: Trial, file: str | Path, world: World) -> _Tracked:
+def _backend(library: OfRobot, file: str | Path, world: World) -> _Tracked:
     """Return the robot in its own model."""
-    library = trial.library
     with of_its_file(file, library):
         model = own_model(file, library.robot, world)
         backend = _Tracked(model, library, servo_gain=world.servo_gain)
@@ -308,16 +343,16 @@ def _backend(trial: Trial, file: str | Path, world: World) -> _Tracked:
         return backend
 
 
-def _check_stands(backend: _Tracked, library: GaitLibrary) -> None:
+def _check_stands(backend: _Tracked) -> None:
     """Refuse a model whose physics diverges while it does nothing but stand.
 
     Raises:
         CommandError: with the joint that shakes, and what would hold it.
     """
-    walker = Walker(library, require_qualified=False, joint_names=backend.joint_names)
-    backend.connect(walker.stand)
+    stand = np.array(backend.read().joint_position)
+    backend.connect(stand)
     for _ in range(_STANDS):
-        backend.write(walker.stand)
+        backend.write(stand)
         if backend.diverged:
             raise CommandError(_why_diverged(backend.model))
 
@@ -339,7 +374,7 @@ def _why_diverged(model: mujoco.MjModel) -> str:
 
 
 @contextmanager
-def of_its_file(file: str | Path, library: GaitLibrary) -> Iterator[None]:
+def of_its_file(file: str | Path, library: OfRobot) -> Iterator[None]:
     """Say of whatever goes wrong that the file does not do for this library.
 
     Raises:
@@ -360,7 +395,7 @@ def _run(trial: Trial, file: str, seed: tuple[int, int]) -> TrialRun:
     library, rng = trial.library, np.random.default_rng(seed)
     schedule = lowered(trial.schedule or draw_schedule(trial, rng), trial.crouch)
     world = draw_world(library, seed, rng, trial.worlds, trial.fixed)
-    backend = _backend(trial, file, world)
+    backend = _backend(library, file, world)
     walker = Walker(
         library,
         trial.policy,

@@ -8,7 +8,7 @@ from typing import Any
 
 from gaitchain.build.jobs import keeping
 from gaitchain.build.journal import Journal, code_digest
-from gaitchain.build.own_model import own_digest
+from gaitchain.build.own_model import own_digest, own_fault
 from gaitchain.build.pipeline import BuildReport, build_library
 from gaitchain.build.workers import available_cores
 from gaitchain.cli.cluster import check_address, on_backend
@@ -103,6 +103,8 @@ def _build(
     interrupted build can be continued.
     """
     check_writable(path)
+    if config.own_runs and (fault := own_fault(config.robot, robot)):
+        say(f"it will not be walked in the robot's own model: {fault}")
     begin = time.perf_counter()
     of = config, robot.fingerprint, own_digest(config.robot, robot)
     kept = path.with_name(f"{path.name}.build.jsonl")

@@ -6,6 +6,7 @@ from typing import Any
 import mujoco
 
 from gaitchain.analysis.zmp_error import STRIDE, zmp_error
+from gaitchain.build.own_model import own_fault
 from gaitchain.cli.console import check_picture, print_table, say
 from gaitchain.cli.legs import degrees, show_legs
 from gaitchain.discover.loaded_robot import LoadedRobot, load_with_findings
@@ -41,7 +42,10 @@ def show_full_robot(
     check_picture(picture)
     draw_robot(picture, loaded.model, robot.name, found, _portrait(loaded))
     print_table(f"{robot.name}: what was found", _HEADS, found.evidence, range(3))
-    for note in loaded.notes:
+    notes = list(loaded.notes)
+    if fault := own_fault(name, robot):
+        notes.append(f"A library will not be walked in the robot's own model: {fault}.")
+    for note in notes:
         say(f"- {note}")
     _show_reduced(robot)
     show_legs(robot.legs, found)
@@ -54,7 +58,7 @@ def show_full_robot(
         "fingerprint": robot.fingerprint,
         "picture": str(picture),
         "findings": [dict(zip(_HEADS, row, strict=True)) for row in found.evidence],
-        "notes": list(loaded.notes),
+        "notes": notes,
         "quantities": {
             k: value for k, (value, _) in quantity_units(robot.reduced).items()
         },

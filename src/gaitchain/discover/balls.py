@@ -5,7 +5,7 @@ from typing import Any
 import mujoco
 
 from gaitchain.discover.isolate import drop_users, names_of
-from gaitchain.discover.notes import listed
+from gaitchain.discover.notes import Doubt, listed
 
 _BALL = mujoco.mjtJoint.mjJNT_BALL
 _EQ = mujoco.mjtEq
@@ -30,7 +30,7 @@ def weld_balls(spec: Any) -> tuple[dict[str, str], list[str]]:
     if not welded:
         return {}, []
     what = listed("ball joint", list(welded.values()))
-    note = f"{what} welded as drawn: servos hold hinges and slides alone."
+    note = Doubt(f"{what} welded as drawn: servos hold hinges and slides alone.")
     return welded, [note, *drop_users(spec, before)]
 
 

@@ -96,6 +96,11 @@ def find_robot_file(robot: str | Path) -> tuple[Path, str]:
         reason = getattr(error, "strerror", None) or "not a path"
         raise RobotFileError(f"{name[:80]!r}: {reason}") from None
     if path.suffix.lower() in _SUFFIXES or len(path.parts) != 1:
+        if path.is_symlink():
+            raise RobotFileError(
+                f"{name}: a link to {path.readlink()}, which is not there; give a "
+                "robot's MJCF or URDF file"
+            )
         hint = did_you_mean(name, files_beside(path, _SUFFIXES))
         raise RobotFileError(
             f"{name}: no such file{hint}; give a robot's MJCF or URDF file, or a name "

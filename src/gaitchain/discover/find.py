@@ -19,6 +19,7 @@ from gaitchain.discover.findings import (
 )
 from gaitchain.discover.legs import (
     PITCH,
+    YAW,
     LegParts,
     across,
     centre_of,
@@ -26,6 +27,8 @@ from gaitchain.discover.legs import (
     knee_of,
     knee_side,
     leg_parts,
+    pair_up,
+    why_idle,
 )
 from gaitchain.discover.limbs import (
     DOWN,
@@ -98,6 +101,7 @@ def _find(
         leg_parts(robot, limb, own, answers.legs.get(side), aside)
         for limb, own, side in zip(pair, joints, ("left", "right"), strict=True)
     ]
+    legs = pair_up(robot, legs, bool(answers.legs))
     rows: Rows = [("base", model.body(base).name, "the body with the free joint")]
     robot, legs = face_forward(robot, legs, answers, rows)
     left, right = (_plan(robot, leg, answers, rows) for leg in legs)
@@ -227,7 +231,7 @@ def _assemble(
     rest, source = robot.rest(waist, _given_angles(answers, joints))
     pose, height = stand(robot, plans, rest, answers.hip_height)
     left, right = (plan.found for plan in plans)
-    rows.extend(_leg_rows("left leg", left) + _leg_rows("right leg", right))
+    rows.extend(_leg_rows(robot, plans) + _turning_rows(robot, plans))
     rows.extend(_range_rows(robot, plans))
     share = (height - plans[0].below) / plans[0].straight
     rows.append(("stand", f"hips at {height:.3f} m, {share:.2f} of the leg", source))
@@ -260,12 +264,34 @@ def _given_angles(answers: Profile, joints: Mapping[str, int]) -> dict[int, floa
     }
 
 
-def _leg_rows(name: str, leg: FoundLeg) -> Rows:
-    rows = [(name, f"{len(leg.joints)} joints", " ".join(leg.joints))]
-    if leg.passive:
-        why = "coupled, without an actuator, or toes"
-        rows.append((name, f"passive: {' '.join(leg.passive)}", why))
+def _leg_rows(robot: PinnedRobot, plans: tuple[LegPlan, LegPlan]) -> Rows:
+    rows = []
+    for name, plan in zip(("left leg", "right leg"), plans, strict=True):
+        joints, passive = plan.found.joints, plan.found.passive
+        rows.append((name, f"{len(joints)} joints", " ".join(joints)))
+        if passive:
+            why = "; ".join(why_idle(robot, j) for j in _passive_of(robot, plan))
+            rows.append((name, f"passive: {' '.join(passive)}", why))
     return rows
+
+
+def _passive_of(robot: PinnedRobot, plan: LegPlan) -> list[int]:
+    ids = {robot.joint_name(joint): joint for joint in robot.joints}
+    return [ids[name] for name in plan.found.passive]
+
+
+def _turning_rows(robot: PinnedRobot, plans: tuple[LegPlan, LegPlan]) -> Rows:
+    """Say of a standing robot that held joints could turn it, and no others."""
+    driven = [joint for plan in plans for joint in plan.joints]
+    idle = [joint for plan in plans for joint in _passive_of(robot, plan)]
+    turning, held = (
+        [joint for joint in joints if abs(robot.axis(joint)[2]) > YAW]
+        for joints in (driven, idle)
+    )
+    if turning or not held:
+        return []
+    why = "; ".join(why_idle(robot, joint) for joint in held)
+    return [("turning", "it will not turn", f"held: {why}")]
 
 
 def _range_rows(robot: PinnedRobot, plans: tuple[LegPlan, LegPlan]) -> Rows:

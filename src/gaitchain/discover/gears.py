@@ -3,7 +3,8 @@
 Some files model a motor beside the joint that it turns, and couple the two by an
 equality, q = a + r q_motor. Walking needs a servo at the joint itself: the actuator is
 moved there, geared by 1 / r, with the rotor's inertia and friction as the joint feels
-them, and the motor's joint follows.
+them, and the motor's joint follows. An equality that keeps the length of a fixed tendon
+over both joints, as of a belt, says the same, and is written so first.
 """
 
 from typing import Any, NamedTuple
@@ -11,10 +12,12 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
+from gaitchain.discover.notes import Doubt
 from gaitchain.discover.ranges import BY_JOINT
 
 _EQ = mujoco.mjtEq
 _HINGE = mujoco.mjtJoint.mjJNT_HINGE
+_JOINT = mujoco.mjtWrap.mjWRAP_JOINT
 
 
 class _Gear(NamedTuple):
@@ -41,15 +44,45 @@ def fold_gears(spec: Any) -> list[str]:
         spec: the `mujoco.MjSpec` of the robot alone; changed in place.
 
     Returns:
-        A note for each gear.
+        A note for each gear, and a doubt for each motor that turns a joint otherwise.
     """
-    notes = []
+    notes: list[str] = []
+    _write_as_joints(spec)
     for tie in [e for e in spec.equalities if e.type == _EQ.mjEQ_JOINT and e.active]:
-        gear = _gear_of(spec, tie)
-        if gear is not None:
+        pair = _driven_pair(spec, tie)
+        gear = pair and _gear_of(tie, *pair)
+        if gear:
             notes.append(_told(gear))
             _fold(spec, gear)
+        elif pair and any(tie.data[2:5]):
+            notes.append(_doubted(*pair))
     return notes
+
+
+def _write_as_joints(spec: Any) -> None:
+    """Turn equalities of fixed tendons that tie two joints into those of joints."""
+    tendons = {tendon.name: tendon for tendon in spec.tendons}
+    for tie in [e for e in spec.equalities if e.type == _EQ.mjEQ_TENDON]:
+        own = [tendons[name] for name in (tie.name1, tie.name2) if name in tendons]
+        parts = [part for tendon in own for part in tendon.path]
+        if len(parts) != 2 or any(p.type != _JOINT or not p.coef for p in parts):
+            continue
+        one, other = (float(part.coef) for part in parts)
+        curve = np.array(tie.data[:5])
+        if len(own) == 1:  # over both: its length is kept
+            curve = np.array([curve[0], -1.0, 0.0, 0.0, 0.0])
+        data = np.array(tie.data)
+        data[:5] = curve * other ** np.arange(5) / one
+        tie.type, tie.objtype = _EQ.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
+        tie.data = data
+        tie.name1, tie.name2 = (part.target.name for part in parts)
+
+
+def _doubted(motor: Any, turned: Any) -> Doubt:
+    return Doubt(
+        f"{turned.name} is coupled to {motor.name} by a curve, which is no gear, and "
+        "is held: an equality of a constant ratio would let walking turn it."
+    )
 
 
 def _told(gear: _Gear) -> str:
@@ -61,24 +94,32 @@ def _told(gear: _Gear) -> str:
     )
 
 
-def _gear_of(spec: Any, tie: Any) -> _Gear | None:
-    """Return the gear that an equality stands for, if it is one."""
+def _driven_pair(spec: Any, tie: Any) -> tuple[Any, Any] | None:
+    """Return the motor's joint and the one that it turns, if an equality ties such."""
     joints = [spec.joint(name) if name else None for name in (tie.name1, tie.name2)]
-    offset, ratio, *curved = (float(a) for a in tie.data[:5])
-    if None in joints or ratio == 0.0 or any(curved) or not np.isfinite(offset + ratio):
+    if None in joints:
         return None
-    follower, leader = joints
-    if _is_motor(spec, leader) and not driven_by(spec, follower):
-        return _Gear(leader, follower, tie, offset, ratio)
-    if _is_motor(spec, follower) and not driven_by(spec, leader):
-        return _Gear(follower, leader, tie, -offset / ratio, 1.0 / ratio)
+    for motor, turned in (joints[::-1], joints):
+        if _is_motor(spec, motor) and not driven_by(spec, turned):
+            return motor, turned
     return None
 
 
+def _gear_of(tie: Any, motor: Any, turned: Any) -> _Gear | None:
+    """Return the gear that an equality stands for, if its ratio is constant."""
+    offset, ratio, *curved = (float(a) for a in tie.data[:5])
+    if ratio == 0.0 or any(curved) or not np.isfinite(offset + ratio):
+        return None
+    if tie.name1 == turned.name:
+        return _Gear(motor, turned, tie, offset, ratio)
+    return _Gear(motor, turned, tie, -offset / ratio, 1.0 / ratio)
+
+
 def _is_motor(spec: Any, joint: Any) -> bool:
-    """Whether a joint is driven, and nothing but its own body moves with it."""
+    """Whether a joint is driven, and no other joint moves with it."""
     body = joint.parent
-    alone = len(body.joints) == 1 and not body.find_all(mujoco.mjtObj.mjOBJ_BODY)
+    below = body.find_all(mujoco.mjtObj.mjOBJ_BODY)  # a pulley is welded to it
+    alone = len(body.joints) == 1 and not any(child.joints for child in below)
     return joint.type == _HINGE and alone and bool(driven_by(spec, joint))
 
 

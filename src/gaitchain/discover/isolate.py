@@ -9,6 +9,7 @@ import numpy as np
 
 from gaitchain.discover.gears import driven_by
 from gaitchain.discover.notes import Doubt, listed
+from gaitchain.discover.ranges import BY_JOINT
 from gaitchain.discover.trees import keep_one_tree
 from gaitchain.errors import RobotFileError
 from gaitchain.messages import GRAVITY
@@ -61,7 +62,7 @@ def isolate(spec: Any) -> list[str]:
     Raises:
         RobotFileError: there is no robot in it, or its base cannot be freed.
     """
-    notes = _drop_strangers(spec) + _drop_disabled(spec)
+    notes = _drop_strangers(spec) + _drop_disabled(spec) + _drop_gearless(spec)
     size = sum(_NQ.get(joint.type, 1) for joint in spec.joints)
     fitting = [len(key.qpos) in (0, size) for key in spec.keys]
     before = names_of(spec)
@@ -74,7 +75,7 @@ def isolate(spec: Any) -> list[str]:
     notes += drop_keys(spec, lambda _: not next(kept) or bool(freed))
     notes += _reset_options(spec)
     notes += _name_all(spec)
-    notes += _into_radians(spec)
+    notes += _into_radians(spec) + _doubt_ranges(spec)
     if not spec.actuators:
         notes.append("It has no actuators; servos have to be added.")
     return notes
@@ -117,9 +118,30 @@ def _drop_disabled(spec: Any) -> list[str]:
     spec.option.disableactuator = 0
     if not off:
         return []
-    what = listed("actuator", [actuator.name or actuator.target for actuator in off])
-    note = f"{what} left out: the file disables their groups."
+    note = f"{_listed_actuators(off)} left out: the file disables their groups."
     return [note, *drop_actuators(spec, off)]
+
+
+def _drop_gearless(spec: Any) -> list[str]:
+    """Delete the actuators that have no force on anything, and no gain at a joint."""
+    off = [a for a in spec.actuators if a.gear[0] == 0.0 and _is_on_one(spec, a)]
+    if not off:
+        return []
+    doubt = Doubt(f"{_listed_actuators(off)} left out: gear 0 turns nothing.")
+    return [doubt, *drop_actuators(spec, off)]
+
+
+def _is_on_one(spec: Any, actuator: Any) -> bool:
+    """Whether the first number of an actuator's gear is all that counts of it."""
+    if actuator.trntype == _TRN.mjTRN_TENDON:
+        return True
+    kinds = {joint.name: joint.type for joint in spec.joints}
+    by_joint = actuator.trntype in BY_JOINT
+    return by_joint and kinds.get(actuator.target) in (_HINGE, _SLIDE)
+
+
+def _listed_actuators(actuators: Sequence[Any]) -> str:
+    return listed("actuator", [a.name or a.target for a in actuators])
 
 
 def _strip_world(spec: Any) -> list[str]:
@@ -274,6 +296,22 @@ def _doubt_degrees(items: list[Any]) -> list[str]:
             '<compiler angle="radian"/> missing?'
         )
     ]
+
+
+def _doubt_ranges(spec: Any) -> list[str]:
+    """Doubt ranges that MuJoCo leaves out, as the lower end is not the lower one."""
+    auto = mujoco.mjtLimited.mjLIMITED_AUTO
+    turned = [
+        joint.name
+        for joint in spec.joints
+        if joint.limited == auto and any(joint.range)
+        if joint.range[0] >= joint.range[1]
+    ]
+    if not turned:
+        return []
+    what = listed("joint", turned)
+    why = "the lower end of its range does not lie below the upper"
+    return [Doubt(f"{what} without limits: {why}.")]
 
 
 def _turn_into_radians(item: Any) -> None:

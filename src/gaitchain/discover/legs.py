@@ -3,13 +3,13 @@
 import re
 from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gaitchain.discover.findings import Rows, UnfitError
-from gaitchain.discover.limbs import DOWN, Limb, bodies_of
-from gaitchain.discover.pinned_robot import HINGE, PinnedRobot
+from gaitchain.discover.limbs import DOWN, Limb, bodies_of, refuse_slides
+from gaitchain.discover.pinned_robot import PinnedRobot
 from gaitchain.discover.profile import Profile
 from gaitchain.discover.shapes import ground_geoms, shapes_of
 from gaitchain.messages import Array
@@ -24,6 +24,9 @@ _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")  # of snake_case and CamelCa
 _SIDES = ((1.0, ("l", "left")), (-1.0, ("r", "right")))
 PITCH = 0.7
 """Cosine between a pitch joint's axis and the way across, at least."""
+YAW = 0.6
+"""Cosine between the vertical and the axis of a joint that turns the robot, at least:
+that of some hips lies half way between yaw and pitch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +60,7 @@ def leg_parts(
     Raises:
         RobotFileError: walking cannot use a leg of such joints.
     """
-    for joint in own:
-        if robot.model.jnt_type[joint] != HINGE:
-            raise UnfitError(
-                f"{robot.joint_name(joint)} in a leg is no hinge; legs need hinges",
-                "legs.left and legs.right",
-            )
+    refuse_slides(robot, own)
     foot, soles = limb.links[-1], bodies_of(robot, limb.links[-1])
     toes: frozenset[int] = frozenset()
     if named is None and _has_toes(robot, limb, own, left):
@@ -71,15 +69,67 @@ def leg_parts(
         soles |= bodies_of(robot, foot)
     passive = _passive(robot, own, named, toes)
     joints = tuple(j for j in own if j not in passive)
+    idle = tuple(j for j in passive if j not in toes)
+    _check_count(robot, joints, idle)
+    _refuse_led(robot, joints, set(idle))
+    return LegParts(joints, passive, foot, frozenset(soles))
+
+
+def _check_count(
+    robot: PinnedRobot, joints: tuple[int, ...], idle: tuple[int, ...]
+) -> None:
     if not _FEWEST <= len(joints) <= _MOST:
         listed = ", ".join(robot.joint_name(j) for j in joints)
         raise UnfitError(
             f"a leg has {len(joints)} driven joints ({listed}); walking needs "
-            f"{_FEWEST} to {_MOST}, ankle pitch among them",
-            "legs.left and legs.right" if len(own) >= _FEWEST else None,
+            f"{_FEWEST} to {_MOST}, ankle pitch among them{_reasons(robot, idle)}",
+            "legs.left and legs.right" if len(joints) + len(idle) >= _FEWEST else None,
         )
-    _refuse_led(robot, joints, set(passive) - toes)
-    return LegParts(joints, passive, foot, frozenset(soles))
+
+
+def _reasons(robot: PinnedRobot, idle: Sequence[int]) -> str:
+    """Return why joints are passive, as the end of a message."""
+    return "".join(f"; {why_idle(robot, joint)}" for joint in idle)
+
+
+def pair_up(robot: PinnedRobot, legs: list[LegParts], named: bool) -> list[LegParts]:
+    """Make sure that two legs have as many joints.
+
+    A joint that moves one of the other leg with it, as both hips' yaw on one motor,
+    is held like that one.
+
+    Args:
+        robot: the robot.
+        legs: both.
+        named: whether a profile says which joints walk; these are not held.
+
+    Raises:
+        RobotFileError: one leg has more joints than the other, or too few.
+    """
+    if not named:
+        legs = [_hold_shared(robot, *pair) for pair in (legs, legs[::-1])]
+    one, other = sorted(legs, key=lambda leg: len(leg.joints))
+    if len(one.joints) != len(other.joints):
+        bare = [j for j in one.passive if j not in robot.driven | robot.followers]
+        names = ", ".join(map(robot.joint_name, bare))
+        raise UnfitError(
+            f"the legs have {len(legs[0].joints)} and {len(legs[1].joints)} driven "
+            f"joints, they must have the same number{_reasons(robot, one.passive)}",
+            "legs.left and legs.right",
+            f"actuators for {names} in the file" if bare else None,
+        )
+    return legs
+
+
+def _hold_shared(robot: PinnedRobot, leg: LegParts, other: LegParts) -> LegParts:
+    """Let the joints of a leg be passive that passive ones of the other follow."""
+    leaders = {robot.leader(joint) for joint in other.passive}
+    held = tuple(joint for joint in leg.joints if joint in leaders)
+    if not held:
+        return leg
+    joints = tuple(joint for joint in leg.joints if joint not in held)
+    _check_count(robot, joints, held)
+    return replace(leg, joints=joints, passive=(*leg.passive, *held))
 
 
 def _refuse_led(
@@ -109,6 +159,20 @@ def _passive(
     driven = robot.driven.intersection(own) or own
     idle = [j for j in own if j in robot.followers or j not in driven]
     return (*sorted(toes), *(j for j in idle if j not in toes))
+
+
+def why_idle(robot: PinnedRobot, joint: int) -> str:
+    """Return why walking does not move a passive joint of a leg."""
+    name, leader = robot.joint_name(joint), robot.leader(joint)
+    if leader is not None:
+        return f"{name} follows {robot.joint_name(leader)} by an equality"
+    if joint in robot.followers:
+        return f"{name} is held by an equality"
+    if joint not in robot.driven:
+        return f"{name} has no actuator"
+    if led := robot.led_by(joint):
+        return f"{name} moves {robot.joint_name(led[0])} with it by an equality"
+    return f"{name} is of the toes, or not of the joints that a profile names"
 
 
 def _has_toes(

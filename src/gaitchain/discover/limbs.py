@@ -4,7 +4,7 @@ A limb is a chain of links from the base to an end of the tree; the legs are the
 mirrored limbs that reach lowest in any pose.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 from typing import Any
@@ -193,14 +193,28 @@ def refuse_balls(
     Raises:
         RobotFileError: one of them was in a leg.
     """
+    own = set[int]().union(*(bodies_of(robot, b) for b in _own_links(limbs)))
+    # A body that hung on a ball is part of what it hung from, the base at a hip.
+    ways = [set(_way(robot, limb.links[-1])) for limb in limbs]
+    names = {robot.model.body(body).name for body in own | (ways[0] ^ ways[1])}
+    for body in sorted(names.intersection(balls)):
+        raise UnfitError(
+            f"{balls[body]} in a leg is a ball joint; legs need hinges: give two or "
+            "three of them in its place"
+        )
+
+
+def _own_links(limbs: tuple[Limb, Limb]) -> set[int]:
+    """Return the links that two limbs do not share."""
     shared = shared_links(*limbs)
-    for link in (link for limb in limbs for link in limb.links[shared:]):
-        names = {robot.model.body(body).name for body in bodies_of(robot, link)}
-        for body in sorted(names.intersection(balls)):
-            raise UnfitError(
-                f"{balls[body]} in a leg is a ball joint; legs need hinges: give two "
-                "or three of them in its place"
-            )
+    return {link for limb in limbs for link in limb.links[shared:]}
+
+
+def _way(robot: PinnedRobot, body: int) -> Iterator[int]:
+    """Yield a body and all that it hangs from, up to the base."""
+    while body != robot.base:
+        yield body
+        body = int(robot.model.body_parentid[body])
 
 
 def _within(model: Any, body: int, root: int) -> bool:
@@ -229,14 +243,26 @@ def lowest_pair(robot: PinnedRobot) -> tuple[Limb, Limb]:
     return pair
 
 
-def _alike(robot: PinnedRobot, one: Limb, other: Limb) -> bool:
+def refuse_slides(robot: PinnedRobot, joints: Sequence[int]) -> None:
+    """Refuse legs with joints that are no hinges.
+
+    Raises:
+        RobotFileError: one of the joints is none.
+    """
+    for joint in joints:
+        if robot.model.jnt_type[joint] != HINGE:
+            raise UnfitError(
+                f"{robot.joint_name(joint)} in a leg is no hinge; legs need hinges",
+                "legs.left and legs.right",
+            )
+
+
+def _alike(robot: PinnedRobot, one: Limb, other: Limb, slides: bool = False) -> bool:
     """Whether two limbs are mirror images: joints, masses, lengths, reach."""
     shared = shared_links(one, other)
     own = [own_joints(robot, limb, shared) for limb in (one, other)]
-    hinges = [j for j in own[0] + own[1] if robot.model.jnt_type[j] == HINGE]
-    if len(own[0]) != len(own[1]) or not 2 * _LIMB_JOINTS <= len(hinges) == 2 * len(
-        own[0]
-    ):
+    all_hinges = all(robot.model.jnt_type[j] == HINGE for j in own[0] + own[1])
+    if not (_LIMB_JOINTS <= len(own[0]) == len(own[1]) and (slides or all_hinges)):
         return False
     masses = [robot.model.body_subtreemass[limb.links[shared]] for limb in (one, other)]
     if abs(masses[0] - masses[1]) > _LIKE_MASS * max(masses):
@@ -261,6 +287,10 @@ def _length(robot: PinnedRobot, limb: Limb, shared: int) -> float:
 
 
 def _unpaired(robot: PinnedRobot, limbs: list[Limb], ground: float) -> UnfitError:
+    for other in limbs[1:] if limbs and limbs[0].depth <= ground else ():
+        if _alike(robot, limbs[0], other, slides=True):
+            shared = shared_links(limbs[0], other)
+            refuse_slides(robot, own_joints(robot, limbs[0], shared))
     long = [limb for limb in limbs if len(limb.joints) >= _LIMB_JOINTS]
     most = max((len(limb.joints) for limb in limbs), default=0)
     if not long:

@@ -41,6 +41,7 @@ _MUJOCO_ERRORS = (
     mujoco.UnexpectedError,
 )
 _SHOWN_WARNINGS = 3
+_UTF_8 = "; save it as UTF-8"
 # What begins with "<", the longer ones first, and what closes it.
 _CLOSING = {b"<!--": b"-->", b"<![CDATA[": b"]]>", b"<?": b"?>", b"<": b">"}
 _MARK = re.compile(rb"[\"'>]")
@@ -96,10 +97,31 @@ def load_model(robot: str | Path) -> RobotModel:
     except RobotFileError as error:
         raise RobotFileError(f"{origin}: {error}") from None
     except _MUJOCO_ERRORS as error:
-        raise RobotFileError(f"{origin}: MuJoCo refuses it: {_line(error)}") from None
+        hint = _UTF_8 if _is_coded(path, error) else ""
+        raise RobotFileError(
+            f"{origin}: MuJoCo refuses it: {_line(error)}{hint}"
+        ) from None
     unnamed = spec.modelname in ("", "MuJoCo Model")
     name = path.stem if unnamed else spec.modelname
     return RobotModel(name, origin, spec, model, tuple(notes), speeds or {}, balls)
+
+
+def _is_coded(path: Path, error: Exception) -> bool:
+    """Whether MuJoCo refuses a file for another coding than UTF-8.
+
+    It reads bytes, so that other codings in comments do not matter.
+    """
+    if isinstance(error, UnicodeDecodeError):  # a name of an included file's, too
+        return True
+    return "XML parse error" in str(error) and not _is_utf_8(path.read_bytes())
+
+
+def _is_utf_8(data: bytes) -> bool:
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 def is_mjcf(path: Path) -> bool:
@@ -221,7 +243,8 @@ class _Reader:
             root = parser.close()
         except (ET.ParseError, ValueError, LookupError) as error:
             kind = "is not XML" if b"<" not in data[:4096] else "is not well-formed XML"
-            raise RobotFileError(f"{path.name} {kind}: {error}") from None
+            hint = "" if b"\0" in data or _is_utf_8(data) else _UTF_8
+            raise RobotFileError(f"{path.name} {kind}: {error}{hint}") from None
         assert isinstance(root, ET.Element)
         return root
 

@@ -76,6 +76,10 @@ class PinnedRobot:
                 return coupling.leader
         return None
 
+    def led_by(self, joint: int) -> list[int]:
+        """Return the joints that a joint moves with itself."""
+        return [j for j in self.joints if self.leader(j) == joint]
+
     def address(self, joint: int) -> int:
         """Return a joint's place in `qpos`."""
         return int(self.model.jnt_qposadr[joint])

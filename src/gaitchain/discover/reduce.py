@@ -16,7 +16,6 @@ import numpy as np
 from gaitchain.discover.findings import Findings, FoundLeg, FoundSole
 from gaitchain.discover.ranges import joint_range
 from gaitchain.discover.sole import corners_of
-from gaitchain.errors import RobotFileError
 from gaitchain.messages import Array
 from gaitchain.robot.leg_model import DECIMALS, LegModel, Soles
 from gaitchain.robot.reduced_biped import ReducedBiped, check_units
@@ -40,15 +39,9 @@ def reduce(model: Any, found: Findings, name: str, origin: str = "") -> Robot:
         The robot: its legs, and the biped that they reduce to.
 
     Raises:
-        RobotFileError: the legs have unequal numbers of joints, or the robot is so
-            large or heavy that its file must be in mm or g.
+        RobotFileError: the robot is so large or heavy that its file must be in mm or
+            g.
     """
-    if len(found.left.joints) != len(found.right.joints):
-        raise RobotFileError(
-            f"{origin or name}: the legs have {len(found.left.joints)} and "
-            f"{len(found.right.joints)} joints, they must have the same number; give "
-            "legs.left and legs.right in a profile"
-        )
     rest = RestPose(model, found)
     legs = [rest.leg(leg) for leg in found.legs]
     full = _leg_model(rest, legs)

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from gaitchain.discover.isolate import drop_keys
+from gaitchain.discover.model_numbers import check_numbers
 from gaitchain.discover.notes import listed
 from gaitchain.errors import RobotFileError
 
@@ -42,7 +43,7 @@ def repair(spec: Any, strict: bool) -> tuple[Any, list[str]]:
     notes += _drop_meshes(spec, _meshes(spec, _is_unfit), strict)
     notes += _drop_textures(spec, _is_unfit)
     model, cures = _compile(spec, strict)
-    _check_finite(model)
+    check_numbers(model)
     if not (model.geom_contype | model.geom_conaffinity).any():
         cures.append(
             "Nothing of it collides, unless by contact pairs: its shapes say where it "
@@ -178,21 +179,6 @@ def _ascii_corners(path: Path) -> list[float]:
     except (OSError, ValueError):
         return []
     return corners if len(corners) % 9 == 0 and np.isfinite(corners).all() else []
-
-
-def _check_finite(model: Any) -> None:
-    for what, ids, arrays in (
-        ("body", model.nbody, ("body_pos", "body_quat", "body_mass", "body_inertia")),
-        ("joint", model.njnt, ("jnt_pos", "jnt_axis", "jnt_range")),
-        ("geom", model.ngeom, ("geom_pos", "geom_quat", "geom_size")),
-    ):
-        for array in arrays:
-            values = getattr(model, array).reshape(ids, -1 if ids else 1)
-            for i in np.flatnonzero(~np.isfinite(values).all(axis=1)):
-                name = getattr(model, what)(int(i)).name
-                raise RobotFileError(
-                    f"{what} {name!r}: {array} = {values[i]}; give finite numbers"
-                )
 
 
 def _check_geoms(spec: Any) -> None:

@@ -4,6 +4,7 @@
 
 import json
 import math
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -75,9 +76,17 @@ def drawing(path: Path, width_in: float, height_in: float) -> Iterator[_Figure]:
     with matplotlib.rc_context(_STYLE):
         figure = Figure(figsize=(width_in, height_in), layout="constrained")
         yield figure
-        with file_errors(path, "written", CommandError):
+        with file_errors(path, "written", CommandError), _boxes_for_lost_glyphs():
             path.parent.mkdir(parents=True, exist_ok=True)
             figure.savefig(path, dpi=_DPI, format="png", metadata={"Software": None})
+
+
+@contextmanager
+def _boxes_for_lost_glyphs() -> Iterator[None]:
+    """Draw letters that the font lacks, as of a robot's name, as boxes and in peace."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from", UserWarning)
+        yield
 
 
 def legend_beside(axes: Axes, label: str) -> None:
