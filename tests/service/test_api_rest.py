@@ -223,11 +223,12 @@ def test_the_library_tells_what_may_disturb_its_robot(here):
         ('{"vx": null}', "vx: "),
         ('{"vx": [0.1]}', "vx: "),
         ('{"vx": %s}' % ("1" * 400), "vx 1111"),
-        ('{"vx": %s}' % ("1" * 5000), "parsing the body"),
+        ('{"vx": %s}' % ("1" * 5000), "a number in the body has too many"),
         ('{"speed": 0.1}', "speed 0.1: "),
         ('{"\\ud800": 0.1}', "\\ud800': "),
         ('{"vx": 0.1', "not JSON: "),
-        ("[" * 5000, "parsing the body"),
+        ("[" * 5000, "nested too deeply: requests have three levels"),
+        ('"\xe9"', "no text in utf-8, at byte 1"),
         ("[0.1, 0, 0]", "object"),
         ("null", "object"),
         ("", "required"),
@@ -245,10 +246,20 @@ def test_a_bad_command_is_refused_by_name_and_value(here, body, says):
     assert len(answer.json()["detail"]) < 600
 
 
-def test_a_body_that_is_not_said_to_be_json_is_refused(here):
-    text = {"Content-Type": "text/plain"}
-    answer = here.client.put(f"{API}/command", content='{"vx": 0.01}', headers=text)
-    assert answer.status_code == 422
+@pytest.mark.parametrize(
+    "kind", ["text/plain", "application/x-www-form-urlencoded", ""]
+)
+def test_a_body_that_is_not_said_to_be_json_is_refused_with_what_to_send(here, kind):
+    """As curl does it; the empty kind is no header at all."""
+    headers = {"Content-Type": kind} if kind else {}
+    body = {"content": '{"vx": 0.01}', "headers": headers}
+    for answer in (
+        here.client.put(f"{API}/command", **body),
+        here.client.post(f"{API}/session", **body),
+    ):
+        assert answer.status_code == 422
+        would = "the body: send it with Content-Type: application/json"
+        assert answer.json()["detail"] == would
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,7 @@ from gaitchain.service.part import SERVED
 from gaitchain.service.proxy import Viewer
 from gaitchain.service.pulse import Pulse, part_pulse
 from gaitchain.service.robots import kind_of
-from gaitchain.service.schemas import fault_text
+from gaitchain.service.schemas import fault_text, unread_text
 from gaitchain.service.settings import Settings, is_loopback, load_settings
 from gaitchain.service.sight import Sight
 from gaitchain.service.stream import Hub
@@ -196,8 +196,9 @@ async def _failed(_: Request, error: Exception) -> Response:
             return problem(error.status, str(error))
         case RequestValidationError():
             return problem(422, fault_text(error.errors()))
+        case HTTPException(status_code=400):
+            # FastAPI answers so where Python's JSON reader gives up.
+            return problem(422, unread_text(error.__cause__))
         case HTTPException():
-            # FastAPI answers 400 where Python's JSON reader gives up.
-            status = 422 if error.status_code == 400 else error.status_code
-            return problem(status, error.detail, dict(error.headers or {}))
+            return problem(error.status_code, error.detail, dict(error.headers or {}))
     raise error

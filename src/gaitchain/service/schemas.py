@@ -489,9 +489,27 @@ def fault_text(errors: Iterable[Mapping[str, Any]]) -> str:
     return text.encode(errors="backslashreplace").decode()  # names may be no Unicode
 
 
+def unread_text(cause: BaseException | None) -> str:
+    """Say in one line why a body cannot be read, which is no matter of its syntax.
+
+    Args:
+        cause: what Python's JSON reader raised.
+    """
+    match cause:
+        case RecursionError():
+            return "the body is nested too deeply: requests have three levels at most"
+        case UnicodeDecodeError():
+            return f"the body is no text in {cause.encoding}, at byte {cause.start}"
+        case ValueError():  # Python's own limit
+            return "a number in the body has too many digits"
+    return "the body cannot be read as JSON"
+
+
 def _fault(error: Mapping[str, Any]) -> str:
     if error["type"] == "json_invalid":
         return f"not JSON: {error['ctx']['error']}"
+    if isinstance(error.get("input"), bytes):  # FastAPI has not read it as JSON
+        return "the body: send it with Content-Type: application/json"
     loc = error.get("loc", ())
     place = loc[1:] if loc and loc[0] in _PLACES else loc
     where = ".".join(str(part)[:_SHOWN] for part in place)
