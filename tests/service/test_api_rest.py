@@ -3,6 +3,7 @@
 import contextlib
 import json
 import math
+import re
 import runpy
 import socket
 from pathlib import Path
@@ -260,6 +261,18 @@ def test_a_body_that_is_not_said_to_be_json_is_refused_with_what_to_send(here, k
         assert answer.status_code == 422
         would = "the body: send it with Content-Type: application/json"
         assert answer.json()["detail"] == would
+
+
+def test_a_replay_is_as_fast_as_the_page_and_the_manual_say(here):
+    root, manual = Path(__file__).parents[2], "a speed of 0.1 to 10;"
+    page = (root / "src/gaitchain/service/page/index.html").read_text("utf-8")
+    listed = re.search(r'id="replay-speed">(.*?)</select>', page)[1]
+    offered = [float(speed) for speed in re.findall('value="(.*?)"', listed)]
+    assert (min(offered), max(offered)) == (0.1, 10.0)
+    assert manual in (root / "docs/drive.md").read_text("utf-8")
+    for speed, status in ((0.09, 422), (0.1, 409), (10.0, 409), (10.1, 422)):
+        answer = here.client.patch(f"{API}/replay", json={"speed": speed})
+        assert answer.status_code == status, speed  # 409: no log is played
 
 
 @pytest.mark.parametrize(

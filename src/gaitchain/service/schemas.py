@@ -29,6 +29,7 @@ _PLACES = (
     *("push", "disturb", "replay"),
 )
 _FURTHEST_M, _MOST_TURN, _MOST_STEPS = 1000.0, 1000.0, 200
+_SLOWEST, _FASTEST = 0.1, 10.0  # of a replay; the page has the same
 PUSH_LIMITS: dict[str, Limits] = declared(Push, Limits)
 PUNCH_LIMITS: dict[str, Limits] = declared(Punches, Limits)
 WORLD_LIMITS = {n: d.limits for n, d in DISTURBANCES.items() if d.limits is not None}
@@ -182,7 +183,10 @@ class ReplayRequest(_Strict):
         description="From its beginning; beyond its end, its end [s].",
     )
     speed: float | None = Field(
-        default=None, ge=0.1, le=20.0, description="Times as fast as it was."
+        default=None,
+        ge=_SLOWEST,
+        le=_FASTEST,
+        description=f"Times as fast as it was, {_SLOWEST:g} to {_FASTEST:g}.",
     )
 
 
