@@ -44,6 +44,7 @@ def begun(monkeypatch, tmp_path):
         (["--no-log", "--log-files", "2"], "--log-files: of a log; leave out"),
         (["--backend", "ros", "--seed", "3"], "--seed: of a simulated world, which"),
         (["--log", "walk.log"], "walk.log: logs are MCAP; name it walk.mcap"),
+        (["--log", "/proc/walk.mcap"], "/proc/walk.mcap: cannot be written"),
     ],
 )
 def test_what_no_part_could_open_is_refused_in_one_line(

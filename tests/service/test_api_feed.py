@@ -1,11 +1,18 @@
-"""Which telemetry is shown: the newest one, with the truth where that is as new."""
+"""Which telemetry is shown: the newest, with a truth as new; and which events."""
+
+import threading
+from contextlib import closing
+from itertools import count
 
 from api_server import small_library
-from telemetry_factory import told
+from patience import Deadline
+from telemetry_factory import BEGAN_NS, told
 
 from gaitchain.backends.base import Truth
-from gaitchain.live.messages import ReplayState
-from gaitchain.service.api_feed import _better
+from gaitchain.live.messages import Event, Recall, ReplayState
+from gaitchain.service.api_feed import Feed, _better
+from gaitchain.service.channel import LoopEnd
+from gaitchain.service.fall_watch import FallWatch
 
 RES = small_library().robot
 TRUTH = Truth((), (), (), (), (), (), (), (), (), False)
@@ -27,3 +34,27 @@ def test_a_replay_that_is_paused_on_a_row_without_truth_is_shown():
     assert _better(before, paused) is paused
     moving = told(RES, 1.004, replay=replay(playing=True))
     assert _better(before, moving) is before
+
+
+def live(folder, first, until):
+    """Be a loop whose first event was told to nobody, until something is so."""
+    deadline, pause, recalled = Deadline(), threading.Event(), ()
+    with closing(LoopEnd(folder)) as loop:
+        for number in count(1):
+            loop.publish(told(RES, number=number, recalled=recalled))
+            if until():
+                return
+            recalled = (first,) if Recall() in loop.requests() else ()
+            pause.wait(0.004)
+            assert not deadline.passed()
+
+
+def test_every_loop_is_asked_for_what_it_said_to_nobody(tmp_path):
+    """Of two loops, each of which begins on a clock of its own."""
+    first, second = (Event(0.0, BEGAN_NS + n, "mode", "it stands") for n in (1, 2))
+    feed = Feed(tmp_path, FallWatch(small_library()), 1.0)
+    feed.start()
+    with closing(feed):
+        live(tmp_path, first, lambda: len(feed.events) == 1)
+        live(tmp_path, second, lambda: len(feed.events) == 2)
+    assert [event.stamp_ns for event in feed.events] == [BEGAN_NS + 1, BEGAN_NS + 2]

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import math
+import re
 import runpy
 import socket
 from pathlib import Path
@@ -223,11 +224,12 @@ def test_the_library_tells_what_may_disturb_its_robot(here):
         ('{"vx": null}', "vx: "),
         ('{"vx": [0.1]}', "vx: "),
         ('{"vx": %s}' % ("1" * 400), "vx 1111"),
-        ('{"vx": %s}' % ("1" * 5000), "parsing the body"),
+        ('{"vx": %s}' % ("1" * 5000), "a number in the body has too many"),
         ('{"speed": 0.1}', "speed 0.1: "),
         ('{"\\ud800": 0.1}', "\\ud800': "),
         ('{"vx": 0.1', "not JSON: "),
-        ("[" * 5000, "parsing the body"),
+        ("[" * 5000, "nested too deeply: requests have three levels"),
+        ('"\xe9"', "no text in utf-8, at byte 1"),
         ("[0.1, 0, 0]", "object"),
         ("null", "object"),
         ("", "required"),
@@ -245,10 +247,32 @@ def test_a_bad_command_is_refused_by_name_and_value(here, body, says):
     assert len(answer.json()["detail"]) < 600
 
 
-def test_a_body_that_is_not_said_to_be_json_is_refused(here):
-    text = {"Content-Type": "text/plain"}
-    answer = here.client.put(f"{API}/command", content='{"vx": 0.01}', headers=text)
-    assert answer.status_code == 422
+@pytest.mark.parametrize(
+    "kind", ["text/plain", "application/x-www-form-urlencoded", ""]
+)
+def test_a_body_that_is_not_said_to_be_json_is_refused_with_what_to_send(here, kind):
+    """As curl does it; the empty kind is no header at all."""
+    headers = {"Content-Type": kind} if kind else {}
+    body = {"content": '{"vx": 0.01}', "headers": headers}
+    for answer in (
+        here.client.put(f"{API}/command", **body),
+        here.client.post(f"{API}/session", **body),
+    ):
+        assert answer.status_code == 422
+        would = "the body: send it with Content-Type: application/json"
+        assert answer.json()["detail"] == would
+
+
+def test_a_replay_is_as_fast_as_the_page_and_the_manual_say(here):
+    root, manual = Path(__file__).parents[2], "a speed of 0.1 to 10;"
+    page = (root / "src/gaitchain/service/page/index.html").read_text("utf-8")
+    listed = re.search(r'id="replay-speed">(.*?)</select>', page)[1]
+    offered = [float(speed) for speed in re.findall('value="(.*?)"', listed)]
+    assert (min(offered), max(offered)) == (0.1, 10.0)
+    assert manual in (root / "docs/drive.md").read_text("utf-8")
+    for speed, status in ((0.09, 422), (0.1, 409), (10.0, 409), (10.1, 422)):
+        answer = here.client.patch(f"{API}/replay", json={"speed": speed})
+        assert answer.status_code == status, speed  # 409: no log is played
 
 
 @pytest.mark.parametrize(

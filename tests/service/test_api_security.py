@@ -179,6 +179,18 @@ def test_a_browser_signs_in_by_its_address(here, stranger):
         assert watching.recv(timeout=PATIENCE_S)
 
 
+@pytest.mark.parametrize("params", [{}, {"token": TOKEN}, {"token": "wrong"}])
+@pytest.mark.parametrize("known", [{}, {"Authorization": f"Bearer {TOKEN}"}])
+def test_who_asks_for_the_head_of_the_page_alone_gets_that(here, known, params):
+    heads, wholes = _fresh(here), _fresh(here)  # neither has the other's cookie
+    with heads, wholes:
+        head = heads.head("/", params=params, headers=known)
+        whole = wholes.get("/", params=params, headers=known)
+    assert (head.status_code, head.content) == (whole.status_code, b"")
+    for name in ("content-length", "content-type", "location", "cache-control"):
+        assert head.headers.get(name) == whole.headers.get(name)
+
+
 def test_a_browser_signs_in_and_out_by_session(here, stranger):
     wrong = stranger.post(f"{API}/session", json={"token": "wrong"})
     assert wrong.status_code == 401

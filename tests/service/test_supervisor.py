@@ -150,6 +150,39 @@ def test_a_loop_that_ticks_is_kept_though_no_telemetry_comes(
         watch._parts.clear()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["api", "viewer", "log"])
+def test_a_part_that_hangs_is_replaced_and_one_that_starts_is_not(
+    watcher, tmp_path, monkeypatch, name
+):
+    watch, said, _ = watcher
+    monkeypatch.setattr(supervisor, "_PARTS_SILENT_S", {name: 3.0})
+    monkeypatch.setattr(watch, "_is_stuck", lambda loop: False)
+    settings = Settings(
+        library=str(shipped_library()),
+        port=0,
+        viewer_port=supervisor.free_port("127.0.0.1", 0),
+        log=str(tmp_path / "walk.mcap"),
+    )
+    save_settings(settings, tmp_path)
+    with idle_part() as loop:
+        watch._parts["loop"] = loop
+        watch._parts[name] = part = supervisor.Part(name, tmp_path)
+        until(lambda: watch._watch() or not part._pulse.doing)
+        assert said == []
+        stuck = part.process
+        stuck.send_signal(signal.SIGSTOP)
+        until(lambda: watch._watch() or part.process is not stuck)
+        until(lambda: watch._watch() or not part._pulse.doing)
+        assert part.code is None
+        assert loop.code is None
+        del watch._parts["loop"]
+    assert said == [
+        f"gaitchain: the {name} part is stuck, and is ended",
+        f"gaitchain: the {name} part ended with signal 9 and was started again",
+    ]
+
+
 def until(happens):
     deadline = Deadline()
     while not happens():
@@ -163,6 +196,7 @@ def test_linux_tells_who_waits_for_a_processor():
     until(lambda: turn_of(os.getpid()).ran_s > before.ran_s + 0.01)
     with idle_part() as part:
         until(lambda: not turn_of(part.process.pid).waits)
+        until(lambda: turn_of(part.process.pid, "S").waits)
     assert turn_of(part.process.pid) is None
 
 

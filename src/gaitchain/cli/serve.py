@@ -211,6 +211,24 @@ def _log(options: Serve) -> str | None:
     if path.suffix != SUFFIX:
         raise CommandError(f"{path}: logs are MCAP; name it {path.stem}{SUFFIX}")
     check_writable(path)
+    free, _ = next_free(path)
+    _check_begun(free)
     if path.exists():
-        say(f"{path}: stays as it is; this log is {next_free(path)[0]}")
+        say(f"{path}: stays as it is; this log is {free}")
     return str(path.resolve())
+
+
+def _check_begun(log: Path) -> None:
+    """Check that a log can be begun, as permissions do not tell: in /proc, or for root.
+
+    Raises:
+        CommandError: it cannot.
+    """
+    try:
+        log.open("xb").close()
+        log.unlink()
+    except OSError as error:
+        raise CommandError(
+            f"--log {log}: cannot be written: {error.strerror}; name a file in your "
+            "own folder, or give --no-log"
+        ) from None

@@ -1,8 +1,9 @@
 """The part that serves page, REST, telemetry stream and 3-D view on one port."""
 
+import asyncio
 import threading
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, closing
 from importlib.metadata import version
 from pathlib import Path
 
@@ -31,11 +32,14 @@ from gaitchain.service.frame import Framer
 from gaitchain.service.library_json import library_info
 from gaitchain.service.part import SERVED
 from gaitchain.service.proxy import Viewer
+from gaitchain.service.pulse import Pulse, part_pulse
 from gaitchain.service.robots import kind_of
-from gaitchain.service.schemas import fault_text
+from gaitchain.service.schemas import fault_text, unread_text
 from gaitchain.service.settings import Settings, is_loopback, load_settings
 from gaitchain.service.sight import Sight
 from gaitchain.service.stream import Hub
+
+_BEAT_S = 0.2
 
 
 def run(folder: Path, ended: threading.Event) -> None:
@@ -104,7 +108,8 @@ def make_app(
         app.state.service = service
         service.feed.start()
         try:
-            yield
+            async with _beating(folder):
+                yield
         finally:
             service.feed.close()
             await service.viewer.close()
@@ -114,6 +119,23 @@ def make_app(
     complete(app, library.command_range, disturbance_limits(settings, library))
     app.add_middleware(Gate, settings=settings, limits=limits)
     return app
+
+
+@asynccontextmanager
+async def _beating(folder: Path) -> AsyncIterator[None]:
+    """Show that the loop which answers requests goes round."""
+    with closing(part_pulse(folder, "api")) as pulse:
+        beating = asyncio.create_task(_beat(pulse))
+        try:
+            yield
+        finally:
+            beating.cancel()
+
+
+async def _beat(pulse: Pulse) -> None:
+    while True:
+        pulse.beat()
+        await asyncio.sleep(_BEAT_S)
 
 
 def bare_app(lifespan: object = None) -> FastAPI:
@@ -174,8 +196,9 @@ async def _failed(_: Request, error: Exception) -> Response:
             return problem(error.status, str(error))
         case RequestValidationError():
             return problem(422, fault_text(error.errors()))
+        case HTTPException(status_code=400):
+            # FastAPI answers so where Python's JSON reader gives up.
+            return problem(422, unread_text(error.__cause__))
         case HTTPException():
-            # FastAPI answers 400 where Python's JSON reader gives up.
-            status = 422 if error.status_code == 400 else error.status_code
-            return problem(status, error.detail, dict(error.headers or {}))
+            return problem(error.status_code, error.detail, dict(error.headers or {}))
     raise error

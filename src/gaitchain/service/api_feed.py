@@ -74,7 +74,7 @@ class Feed:
         return tuple(event for event in events if event.number > number)
 
     def _read(self) -> None:
-        missed = True
+        missed, number = True, 0
         with (
             closing(Listener(self._folder)) as listener,
             closing(Asker(self._folder)) as asker,
@@ -86,12 +86,16 @@ class Feed:
                     continue
                 if telemetry is not None:
                     self._take(telemetry)
+                    # A loop that was started again said its first words to nobody.
+                    missed = missed or telemetry.number < number
+                    number = telemetry.number
                     missed = missed and not asker.ask(Recall())
 
     def _take(self, telemetry: Telemetry) -> None:
-        known = {(event.time_s, event.text) for event in self.events}
+        # By UNIX time, as each loop's own clock begins at 0.
+        known = {(event.stamp_ns, event.text) for event in self.events}
         for event in telemetry.recalled:
-            if (event.time_s, event.text) not in known:
+            if (event.stamp_ns, event.text) not in known:
                 self._note(event)
         for event in telemetry.events:
             self._note(event)

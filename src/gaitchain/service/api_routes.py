@@ -339,7 +339,7 @@ def add_routes(app: FastAPI) -> None:
             operation_id=route.work.__name__,
         )
     app.add_api_websocket_route(f"{API}/stream", stream)
-    app.add_api_route("/", page, include_in_schema=False)
+    app.add_api_route("/", page, methods=["GET", "HEAD"], include_in_schema=False)
     app.mount("/page", StaticFiles(directory=_PAGE))
     for path in (VIEWER, VIEWER + "/{path:path}"):
         app.add_api_route(path, viewer_page, include_in_schema=False)

@@ -15,7 +15,9 @@ from gaitchain.service.own_port import own_port
 
 _SOCKET_BYTES = 1 << 16  # of the system's buffers; what is read at once is no more
 _MESSAGE_BYTES = 1 << 16  # a message of the 3-D view; more and its socket is closed
-_BACKLOG = 128
+# Connections that wait to be accepted. asyncio accepts all of them in one turn of its
+# loop, in which nothing else is answered, no emergency stop either.
+_BACKLOG = 16
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -68,6 +70,7 @@ def server_of(app: Any, limits: ApiLimits) -> uvicorn.Server:
         ws=type("Sockets", (_BoundedSocket,), bounds),
         ws_max_size=_MESSAGE_BYTES,
         ws_per_message_deflate=False,
+        backlog=_BACKLOG,  # of its own uvicorn would take 2048
         lifespan="on",
         log_config=None,
         log_level="error",

@@ -106,7 +106,8 @@ class Gate:
             most = f"more than {self._limits.requests_per_s:g} requests a second"
             return problem(429, f"{most}: wait a second", {"retry-after": "1"})
         asked = scope.get("method"), scope["path"]
-        if asked == ("GET", "/") and "token" in request.query_params:
+        opens = asked in (("GET", "/"), ("HEAD", "/"))
+        if opens and "token" in request.query_params:
             return self._signed_in(request)
         signs_in = asked == ("POST", f"{API}/session")
         if not known and not signs_in:

@@ -13,6 +13,7 @@ from gaitchain.gait.library_file import load_library
 from gaitchain.live.logs.logger import Logger, Room
 from gaitchain.live.messages import Note
 from gaitchain.service.channel import Asker, Listener
+from gaitchain.service.pulse import part_pulse
 from gaitchain.service.settings import load_settings
 
 LEDGER = "log.json"
@@ -45,11 +46,13 @@ def run(folder: Path, ended: threading.Event) -> None:
         closing(Listener(folder, backlog=_BACKLOG)) as listener,
         closing(Asker(folder)) as asker,
         closing(_Notes(asker)) as notes,
+        closing(part_pulse(folder, "log")) as pulse,
         closing(
             Logger(path, library, notes.tell, room=room, ledger=folder / LEDGER)
         ) as logger,
     ):
         while not ended.is_set():
+            pulse.beat()
             notes.send()
             _log_next(listener, logger, _WAIT_S)
         _log_last(listener, logger)

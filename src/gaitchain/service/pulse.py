@@ -1,10 +1,11 @@
-"""The heartbeat of the process that drives the robot, in memory that it shares.
+"""The heartbeat of a process of the service, in memory that it shares.
 
 What must outlive that process is there as well.
 
-Its own thread writes it, once in each control period. Telemetry takes a way that a busy
-computer can hold up while the robot walks on: a thread of ZeroMQ, a socket, and whoever
-reads it. How long a silence is counts what the process could have done in it.
+Its own thread writes it, that of the loop once in each control period. Telemetry takes
+a way that a busy computer can hold up while the robot walks on: a thread of ZeroMQ, a
+socket, and whoever reads it. How long a silence is counts what the process could have
+done in it.
 """
 
 import mmap
@@ -23,6 +24,8 @@ _TEXT = struct.Struct(f"@Q{_TEXT_BYTES}s")  # bytes of a text, and the text
 _DOING_AT, _HELD_AT = 8, 8 + _TEXT.size  # after the beats
 _SIZE = _HELD_AT + _TEXT.size
 _LONGEST_LOOK_S = 0.5  # a watcher that did not look for longer was held up itself
+WAITS_TO_RUN, WAITS_FOR_DISK = "R", "D"
+"""States of Linux in which a process cannot do anything."""
 
 
 class Pulse:
@@ -81,26 +84,37 @@ class Pulse:
         self._shared.close()
 
 
+def part_pulse(folder: Path, name: str) -> Pulse:
+    """Open the pulse of a part that does not drive the robot.
+
+    Args:
+        folder: of the service.
+        name: of the part.
+    """
+    return Pulse(folder, f"{name}.{_FILE}")
+
+
 class Turn(NamedTuple):
     """What the system says of a process's main thread."""
 
     waits: bool
-    """Whether it runs or waits for a processor, and not for anything else."""
+    """Whether it runs or waits for a processor, or is in another such state."""
     ran_s: float
     """For how long it has run since it began [s]."""
 
 
-def turn_of(process: int) -> Turn | None:
+def turn_of(process: int, waiting: str = WAITS_TO_RUN) -> Turn | None:
     """Return what Linux says of a process's main thread; None where nothing is known.
 
     Args:
         process: its number.
+        waiting: letters of the states in which it counts as waiting.
     """
     with suppress(OSError, ValueError, IndexError):
         of_thread = Path(f"/proc/{process}/task/{process}")
         ran_ns = int((of_thread / "schedstat").read_text().split()[0])
         state = (of_thread / "stat").read_text().rpartition(")")[2].split()[0]
-        return Turn(state == "R", 1e-9 * ran_ns)
+        return Turn(state in waiting, 1e-9 * ran_ns)
     return None
 
 

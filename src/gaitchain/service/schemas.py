@@ -29,6 +29,7 @@ _PLACES = (
     *("push", "disturb", "replay"),
 )
 _FURTHEST_M, _MOST_TURN, _MOST_STEPS = 1000.0, 1000.0, 200
+_SLOWEST, _FASTEST = 0.1, 10.0  # of a replay; the page has the same
 PUSH_LIMITS: dict[str, Limits] = declared(Push, Limits)
 PUNCH_LIMITS: dict[str, Limits] = declared(Punches, Limits)
 WORLD_LIMITS = {n: d.limits for n, d in DISTURBANCES.items() if d.limits is not None}
@@ -182,7 +183,10 @@ class ReplayRequest(_Strict):
         description="From its beginning; beyond its end, its end [s].",
     )
     speed: float | None = Field(
-        default=None, ge=0.1, le=20.0, description="Times as fast as it was."
+        default=None,
+        ge=_SLOWEST,
+        le=_FASTEST,
+        description=f"Times as fast as it was, {_SLOWEST:g} to {_FASTEST:g}.",
     )
 
 
@@ -489,9 +493,27 @@ def fault_text(errors: Iterable[Mapping[str, Any]]) -> str:
     return text.encode(errors="backslashreplace").decode()  # names may be no Unicode
 
 
+def unread_text(cause: BaseException | None) -> str:
+    """Say in one line why a body cannot be read, which is no matter of its syntax.
+
+    Args:
+        cause: what Python's JSON reader raised.
+    """
+    match cause:
+        case RecursionError():
+            return "the body is nested too deeply: requests have three levels at most"
+        case UnicodeDecodeError():
+            return f"the body is no text in {cause.encoding}, at byte {cause.start}"
+        case ValueError():  # Python's own limit
+            return "a number in the body has too many digits"
+    return "the body cannot be read as JSON"
+
+
 def _fault(error: Mapping[str, Any]) -> str:
     if error["type"] == "json_invalid":
         return f"not JSON: {error['ctx']['error']}"
+    if isinstance(error.get("input"), bytes):  # FastAPI has not read it as JSON
+        return "the body: send it with Content-Type: application/json"
     loc = error.get("loc", ())
     place = loc[1:] if loc and loc[0] in _PLACES else loc
     where = ".".join(str(part)[:_SHOWN] for part in place)

@@ -1,4 +1,4 @@
-"""Start the parts of the service, monitor them, and restart those that die.
+"""Start the parts of the service, monitor them, and restart those that die or hang.
 
 The robot stays safe when a part dies: without commands the loop stops walking; without
 packets the servos stop by their watchdog; and a restarted loop begins with the torque
@@ -19,6 +19,7 @@ import time
 import webbrowser
 from collections import deque
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from urllib.parse import quote
@@ -31,7 +32,15 @@ from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.ends import known_ends
 from gaitchain.service.own_port import own_port
 from gaitchain.service.part import REFUSED, SERVED
-from gaitchain.service.pulse import COMPILING, Pulse, Vitals
+from gaitchain.service.pulse import (
+    COMPILING,
+    WAITS_FOR_DISK,
+    WAITS_TO_RUN,
+    Pulse,
+    Vitals,
+    part_pulse,
+    turn_of,
+)
 from gaitchain.service.settings import Settings, save_settings
 
 _START_S = 120.0  # a loop that starts may do so long without a word of what it does
@@ -39,7 +48,10 @@ _SAY_S, _SAY_AGAIN_S = 3.0, 10.0  # when a start that takes long is said
 _SILENT_S = 3.0  # a loop that could have ticked for so long is started again
 _LOOK_S = 0.1
 _STARTING = "starting"
-_API = "api"
+_API, _VIEWER, _LOG = "api", "viewer", "log"
+# [s]; where nothing is known of a process's state, a slow disk looks like a stuck log.
+_PARTS_SILENT_S = {_API: 10.0, _VIEWER: 10.0, _LOG: 20.0}
+_PARTS_START_S = 300.0  # meshes may be large, and a computer small
 # Ctrl-C reaches the supervisor alone: by a session of its own, or a group on Windows.
 _GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
 _NO_OPENGL = {"MUJOCO_GL": "disable"}  # which MuJoCo loads; the page draws
@@ -55,12 +67,17 @@ class Part:
     def __init__(self, name: str, folder: Path) -> None:
         """Start it."""
         self.name, self._folder = name, folder
+        self._pulse = part_pulse(folder, name)
+        # A kill does not end a wait for the disk, so that time is none of its own.
+        patient = partial(turn_of, waiting=WAITS_TO_RUN + WAITS_FOR_DISK)
+        self._vitals = Vitals(self._pulse, turn=patient)
         self._starts: deque[float] = deque(maxlen=max(n for n, _ in _TOO_OFTEN))
         self.start()
 
     def start(self) -> None:
         """Start the process, a first time or again."""
         self._starts.append(time.monotonic())
+        self._pulse.say(_STARTING)
         command = [sys.executable, "-m", "gaitchain.service.part"]
         self.process = subprocess.Popen(
             [*command, self.name, str(self._folder)],
@@ -83,6 +100,18 @@ class Part:
             known >= starts and now_s - self._starts[-starts] < within_s
             for starts, within_s in _TOO_OFTEN
         )
+
+    def is_stuck(self) -> bool:
+        """Look once, several times a second; a part without a pulse never is."""
+        if self.name not in _PARTS_SILENT_S:
+            return False
+        most_s = _PARTS_START_S if self._pulse.doing else _PARTS_SILENT_S[self.name]
+        return self._vitals.look(self.process.pid) > most_s
+
+    def kill(self) -> None:
+        """End it, without waiting: who hangs may be slow in that, too."""
+        self._pulse.say(_STARTING)  # so that it is not found stuck at once again
+        self.process.kill()
 
     def end(self) -> None:
         """Ask it to end by closing its input."""
@@ -107,8 +136,8 @@ class Supervisor:
         self._driver = "player" if settings.replay else "loop"
         self._first = [self._driver]
         if settings.log and not settings.replay:
-            self._first.append("log")  # nothing shall be missing in it
-        self._others = ["viewer", _API]
+            self._first.append(_LOG)  # nothing shall be missing in it
+        self._others = [_VIEWER, _API]
         if settings.ros:
             self._others.append("ros")
         self._parts: dict[str, Part] = {}
@@ -216,6 +245,9 @@ class Supervisor:
         for part in tuple(self._parts.values()):
             if part.code is not None and not self._ending:
                 self._start_again(part)
+            elif part.is_stuck():
+                self._report(f"the {part.name} part is stuck, and is ended")
+                part.kill()
         if self._unreported and self._asker.ask(Note("part", self._unreported[0])):
             self._unreported.pop(0)
         time.sleep(_LOOK_S)

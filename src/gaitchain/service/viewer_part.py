@@ -16,6 +16,7 @@ from gaitchain.discover.looks import find_looks
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.service.channel import Listener
+from gaitchain.service.pulse import part_pulse
 from gaitchain.service.settings import Settings, load_settings
 from gaitchain.service.sight import SightBeat
 from gaitchain.service.viewer import LiveView
@@ -49,8 +50,14 @@ def run(folder: Path, ended: threading.Event) -> None:
         with (
             closing(Listener(folder, latest=True)) as listener,
             closing(SightBeat(folder)) as sight,
+            closing(part_pulse(folder, "viewer")) as pulse,
         ):
-            watch(listener, view, ended, sight.beat)
+
+            def beat() -> None:
+                sight.beat()
+                pulse.beat()
+
+            watch(listener, view, ended, beat)
 
 
 def looks_of(settings: Settings, library: GaitLibrary) -> tuple[Look, ...]:
