@@ -69,8 +69,13 @@ def to_json(explanation: Explanation) -> dict[str, Any]:
         "sentence": explanation.sentence,
         "cause": None if cause is None else _plain(cause),
         "findings": [_plain(finding) for finding in explanation.findings],
-        "events": [list(event) for event in explanation.events],
+        "events": [list(event) for event in _happened(explanation)],
     }
+
+
+def _happened(explanation: Explanation) -> list[tuple[float, str]]:
+    """Return (time [s], event) of all that happened to the robot, in order."""
+    return sorted((*explanation.events, *explanation.notes))
 
 
 def _plain(finding: Finding) -> dict[str, Any]:
@@ -88,7 +93,7 @@ def _show(explanation: Explanation, path: Path) -> None:
         )
         for finding in explanation.findings
     ]
-    lines += [(time_s, what, "", "", "") for time_s, what in explanation.events]
+    lines += [(time_s, what, "", "", "") for time_s, what in _happened(explanation)]
     if explanation.fell_at_s is not None:
         lines.append((explanation.fell_at_s, "the fall", "", "", ""))
     rows = [(f"{time_s:.2f}", *more) for time_s, *more in sorted(lines)]
