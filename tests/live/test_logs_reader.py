@@ -339,7 +339,9 @@ def test_the_last_fall_of_a_log_is_explained(fall, two_falls, tmp_path, capsys):
     assert out.startswith(f"The robot fell at {fell_at_s:.2f} s after {PUSH}: ")
     assert "what to turn" in out
     assert json.loads(why.read_text("utf-8"))["fell_at_s"] == pytest.approx(fell_at_s)
-    assert (tmp_path / "timeline.png").read_bytes().startswith(b"\x89PNG")
+    picture = two_falls.with_suffix(".timeline.png")
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert f"{picture}: the timeline" in out
 
 
 def test_any_fall_of_a_log_can_be_explained(fall, two_falls, capsys):
@@ -384,7 +386,7 @@ def test_of_a_real_robot_the_joints_are_judged(tmp_path, capsys):
     assert code == 0
     assert out.startswith("The robot fell at 3.00 s: speed saturation at left_knee ")
     assert "no timeline" in out
-    assert not (tmp_path / "timeline.png").exists()
+    assert not [*tmp_path.glob("*.png")]
 
 
 def test_only_the_last_minute_before_a_fall_is_kept():

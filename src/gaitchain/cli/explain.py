@@ -34,7 +34,7 @@ def run(options: Explain) -> tuple[int, dict[str, Any]]:
     record = _record_of_log(path, options.fall) if logged else load_record(path)
     if record.robot is None:
         raise CommandError(f"{path}: it does not say which robot walked; walk again")
-    picture = options.output or path.parent / "timeline.png"
+    picture = options.output or path.parent / _name(path)
     check_picture(picture)
     explanation = explain(record.robot, record)
     say(explanation.sentence)
@@ -59,6 +59,11 @@ def _record_of_log(path: Path, fall: int | None) -> WalkRecord:
     return record_of(
         log.library.robot, rows, log.library.timing, since_s=0.0, gait=gait
     )
+
+
+def _name(path: Path) -> str:
+    """Return the picture's name; a folder has one walk, and may have many logs."""
+    return f"{path.stem}.timeline.png" if path.suffix == SUFFIX else "timeline.png"
 
 
 def to_json(explanation: Explanation) -> dict[str, Any]:

@@ -378,7 +378,8 @@ class Explain:
     run: Annotated[Path, tyro.conf.Positional]
     """The folder of a walk, its walk.rec, or a log that `serve` wrote (.mcap)."""
     output: Picture = None
-    """Picture of the timeline; timeline.png beside the record by default."""
+    """Picture of the timeline; by default timeline.png beside the record of a walk,
+    NAME.timeline.png beside a log NAME.mcap."""
     fall: int | None = None
     """Which fall of a log, 1 for the first; the last one by default."""
     report: Report = ReportOptions()
