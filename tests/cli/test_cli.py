@@ -30,7 +30,7 @@ from gaitchain.build.journal import code_digest
 from gaitchain.cli.build import cached_library
 from gaitchain.errors import LibraryError
 from gaitchain.gait.build_config import BuildConfig
-from gaitchain.gait.command_range import AXES, CommandRange
+from gaitchain.gait.command_range import AXES, CommandRange, inward
 from gaitchain.gait.keypose.primitives import PARAMETERS
 from gaitchain.gait.library_file import load_library, save_library
 from gaitchain.gait.qualification import Qualification
@@ -299,7 +299,8 @@ def test_inspect_tells_how_far_mixed_commands_reach(library_path, tmp_path, caps
     told = json.loads(path.read_text("utf-8"))
     span = CommandRange(**{name: tuple(e) for name, e in told["commands"].items()})
     names = [*AXES]
-    assert f"{span.crouch[0]:.3f} m, at full speed {span.crouch[1]:.3f} m lower" in out
+    slow, fast = map(inward, span.crouch)
+    assert f"{slow:.3f} m, at full speed {fast:.3f} m lower" in out
     for reach in told["reach"]:
         free = [name for name in names if name in reach]
         assert {n for n in names if reach["beside"][n] == 0.0} == set(free)
