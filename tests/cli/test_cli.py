@@ -28,7 +28,8 @@ from gaitchain.analysis.record_file import load_record
 from gaitchain.build.jobs import run_jobs
 from gaitchain.build.journal import code_digest
 from gaitchain.cli.build import cached_library
-from gaitchain.errors import LibraryError
+from gaitchain.cli.console import resumable
+from gaitchain.errors import JournalError, LibraryError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.command_range import AXES, CommandRange, inward
 from gaitchain.gait.keypose.primitives import PARAMETERS
@@ -484,6 +485,15 @@ def test_bad_words_read_the_same_without_colour(words, capsys, monkeypatch):
     # The choices of an option come in another order each time.
     assert sorted(plain[2].split()) == sorted(framed[2].split())
     assert "---" not in plain[2]
+
+
+def test_where_work_goes_on_is_said_only_where_some_is_kept(tmp_path, capsys):
+    for kept in (tmp_path / "kept.jsonl", tmp_path / "none.jsonl"):
+        if kept.stem == "kept":
+            kept.touch()
+        with pytest.raises(JournalError), resumable(kept):
+            raise JournalError("the disk is full")
+        assert (f"{kept}: what is finished" in capsys.readouterr().out) == kept.exists()
 
 
 @pytest.mark.slow
