@@ -406,8 +406,9 @@ class Export:
     """Of c: only write the files."""
     grid: str = "5,3,3"
     """Odd numbers of speeds ahead, aside and around, from limit to limit."""
-    seconds: Annotated[float, Limits(0.1, 600.0)] = 10.0
-    """Length of each motion, after three seconds of run-in [s]."""
+    seconds: float = 10.0
+    """Length of each motion, after three seconds of run-in: from a cycle of the walk to
+    600 [s]."""
     own_model: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """The robot's MJCF or URDF: walk in it and write all its joints and bodies, arms
     too, in its order, as mjlab needs them; else those of the legs, and the trunk."""
