@@ -29,6 +29,8 @@ from gaitchain.build.jobs import run_jobs
 from gaitchain.build.journal import code_digest
 from gaitchain.cli.build import cached_library
 from gaitchain.cli.console import resumable
+from gaitchain.cli.options import VERBS
+from gaitchain.commission.stages import STAGES
 from gaitchain.errors import JournalError, LibraryError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.command_range import AXES, CommandRange, inward
@@ -482,9 +484,27 @@ def test_bad_words_read_the_same_without_colour(words, capsys, monkeypatch):
     framed = call(capsys, *words)
     monkeypatch.setenv("NO_COLOR", "1")
     plain = call(capsys, *words)
-    # The choices of an option come in another order each time.
-    assert sorted(plain[2].split()) == sorted(framed[2].split())
+    assert plain[2] == framed[2]
     assert "---" not in plain[2]
+
+
+def test_a_word_that_is_no_choice_is_refused_with_those_there_are(capsys):
+    """In the order in which they are declared, and without None."""
+    stages = ", ".join(stage.name for stage in STAGES)
+    for words, given in (
+        (("doctor", "res", "--from", "foo"), f"--from foo: give one of {stages}"),
+        (("trial", "res", "--arms", "foo"), "--arms foo: give one of still, random"),
+        (("trial", "res", "--arms", "None"), "--arms None: give one of still, random"),
+    ):
+        assert call(capsys, *words) == (2, "", f"gaitchain: {given}\n")
+
+
+def test_help_offers_no_none(capsys, monkeypatch):
+    monkeypatch.setenv("NO_COLOR", "1")
+    for verb in VERBS:
+        code, out, _ = call(capsys, verb, "--help")
+        assert code == 0
+        assert "{None" not in out
 
 
 def test_where_work_goes_on_is_said_only_where_some_is_kept(tmp_path, capsys):

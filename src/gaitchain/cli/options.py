@@ -15,8 +15,9 @@ from gaitchain.sim.known_servos import KNOWN_SERVOS
 from gaitchain.sim.world import DISTURBANCES, World
 
 _Flag = tyro.conf.FlagCreatePairsOff[bool]
-_Early = Literal["bus", "directions", "offsets", "timing", "imu"]
-_Stages = _Early | Literal["hung", "stand", "shift", "steps"]
+_Stages = Literal[
+    "bus", "directions", "offsets", "timing", "imu", "hung", "stand", "shift", "steps"
+]
 _PORT = Limits(0, 2**16 - 1)
 _SEED = Limits(0, TRIALS - 1)  # builds have the larger ones
 
