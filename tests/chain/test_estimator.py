@@ -173,11 +173,32 @@ def test_data_that_cannot_be_are_refused(paths, costs, says):
         ({"prior": 10**400}, "prior=inf: need a finite weight above 0"),
         ({"shrink": "1"}, "shrink='1': need a finite weight"),
         ({"shrink": True}, "shrink=True: need a finite weight"),
+        ({"random_state": "a"}, "random_state='a': need a whole number"),
+        ({"random_state": -1}, "random_state=-1: need a whole number"),
     ],
 )
 def test_hyper_parameters_that_cannot_be_are_refused(settings, says):
     with pytest.raises(ChainError, match=says):
         LayeredChainModel(**settings).fit([[0, 1], [1, 0]])
+
+
+def test_errors_speak_of_nodes_and_sequences():
+    """The chain alone knows neither poses nor gaits."""
+    model, paths = LayeredChainModel(), np.array([[0, 1], [1, 0]])
+    wrong = (
+        lambda: model.fit(paths[:, :1]),
+        lambda: model.fit(paths, [0.1]),
+        lambda: model.fit(paths, [0.1, 2.0]),
+        lambda: model.fit(paths).score(3 * paths),
+        lambda: model.score(np.zeros((1, 3), int)),
+        lambda: model.best_path(start=7),
+        lambda: model.best_path(end=-1),
+    )
+    for ask in wrong:
+        with pytest.raises(ChainError) as caught:
+            ask()
+        assert not re.search("pose|gait", str(caught.value))
+        assert re.search("node|sequence", str(caught.value))
 
 
 def test_numbers_of_any_library_are_numbers():

@@ -128,8 +128,8 @@ def test_so_many_gaits_cannot_be_drawn(count):
 @pytest.mark.parametrize(
     ("first", "message"),
     [
-        ([0, 7], r"pose 7 of layer 1: need 0\.\.1"),
-        ([0, -1], r"pose -1 of layer 1: need 0\.\.1"),
+        ([0, 7], r"node 7 of layer 1: need 0\.\.1"),
+        ([0, -1], r"node -1 of layer 1: need 0\.\.1"),
         ([0, 1, 1], r"first has shape \(3,\): need \(2,\)"),
         ([0.0, 1.0], "need integers"),
     ],
@@ -161,11 +161,11 @@ def test_arrays_are_copies_and_read_only():
         ((), "one or more"),
         ((np.ones(3),), "2-D"),
         ((np.ones((0, 2)),), "non-empty"),
-        ((FIRST, np.ones((3, 1))), "layer 2 has 2 poses as a target but 3"),
+        ((FIRST, np.ones((3, 1))), "layer 2 has 2 nodes as a target but 3"),
         ((np.array([[0.5, 0.5], [0.5, 0.4]]),), "layer 1, row 1 sums to 0.9"),
         ((np.array([[1.5, -0.5], [0.5, 0.5]]),), "probability of -0.5"),
         ((np.array([[np.nan, 0.5], [0.5, 0.5]]),), "probability of nan"),
-        ((np.full((2, 3), 1 / 3),), "2 and 3 poses; pass cyclic=False"),
+        ((np.full((2, 3), 1 / 3),), "2 and 3 nodes; pass cyclic=False"),
     ],
 )
 def test_a_matrix_that_is_no_chain_is_refused(matrices, message):
@@ -181,7 +181,7 @@ def test_a_matrix_that_is_no_chain_is_refused(matrices, message):
         ([[0, 1], [0, 2], [0, 1]], r"layer 2 cannot keep \[0, 2\].*0\.\.1"),
         ([[0, 1], [1, 0], [0, 1]], "rising"),
         ([[0], [0, 1], [1]], "same nodes at both ends"),
-        ([[0, 1], [1], [0, 1]], "pose 1 of layer 1 would keep no edge"),
+        ([[0, 1], [1], [0, 1]], "node 1 of layer 1 would keep no edge"),
     ],
 )
 def test_keep_refuses(kept, message):
@@ -194,8 +194,8 @@ def test_keep_refuses(kept, message):
     [
         ([[0, 0]], r"need integers of shape \(..., 3\)"),
         ([[0.0, 0.0, 0.0]], "float64"),
-        ([[0, 2, 0]], r"pose 2 of layer 2: need 0\.\.1"),
-        ([[0, 0, -1]], "pose -1 of layer 3"),
+        ([[0, 2, 0]], r"node 2 of layer 2: need 0\.\.1"),
+        ([[0, 0, -1]], "node -1 of layer 3"),
     ],
 )
 def test_gaits_that_do_not_fit_are_refused(gaits, message):
@@ -206,8 +206,8 @@ def test_gaits_that_do_not_fit_are_refused(gaits, message):
 def test_other_refusals():
     with pytest.raises(ChainError, match="two or more layers"):
         LayeredChain.uniform((3,))
-    with pytest.raises(ChainError, match=">= 1 pose"):
+    with pytest.raises(ChainError, match=">= 1 node"):
         draw_gaits((3, 0), 1, np.random.default_rng(0))
-    with pytest.raises(ChainError, match="layer 1 has 2 poses"):
+    with pytest.raises(ChainError, match="layer 1 has 2 nodes"):
         chain = LayeredChain((FIRST, SECOND))
         chain.gait_probability(np.array([[0, 0, 0]]), np.ones(3))

@@ -145,7 +145,7 @@ def test_start_may_be_a_batch_and_ends_may_be_chosen():
 
 def test_greedy_says_where_it_is_stuck():
     costs = (np.array([[1.0, 2.0]]), np.array([[np.inf], [1.0]]))
-    with pytest.raises(ChainError, match=r"from pose 0 of layer 2.*use look_ahead"):
+    with pytest.raises(ChainError, match=r"from node 0 of layer 2.*use look_ahead"):
         greedy(costs, 0)
     np.testing.assert_array_equal(look_ahead(costs, 0), [0, 1, 0])
 
@@ -157,11 +157,11 @@ def test_terminal_costs_steer():
 
 
 def test_refusals():
-    with pytest.raises(ChainError, match=r"start=3: need pose indices in 0\.\.0"):
+    with pytest.raises(ChainError, match=r"start=3: need node indices in 0\.\.0"):
         greedy(TRAP, 3)
     with pytest.raises(ChainError, match="allowed_last"):
         look_ahead(TRAP, 0, [1])
-    with pytest.raises(ChainError, match="need pose indices"):
+    with pytest.raises(ChainError, match="need node indices"):
         look_ahead(TRAP, 0.5)
     with pytest.raises(ChainError, match="layer 1 hold NaN"):
         greedy((np.array([[np.nan]]),), 0)

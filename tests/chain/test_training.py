@@ -318,9 +318,9 @@ def test_statistics_are_read_only():
 @pytest.mark.parametrize(
     ("costs", "message"),
     [
-        ([0.5, 1.5], "cost 1.5 of gait 1"),
-        ([-0.1, 2.0], "cost -0.1 of gait 0"),
-        ([0.5, np.nan], "cost nan of gait 1"),
+        ([0.5, 1.5], "cost 1.5 of sequence 1"),
+        ([-0.1, 2.0], "cost -0.1 of sequence 0"),
+        ([0.5, np.nan], "cost nan of sequence 1"),
         ([0.5], r"need \(G, L\) and \(G,\)"),
     ],
 )
@@ -349,7 +349,7 @@ def test_bad_options_are_refused():
         for shrink in (np.nan, np.inf):
             with pytest.raises(ChainError, match=f"shrink={shrink}"):
                 learn((2, 2), gaits, costs, shrink=shrink)
-        with pytest.raises(ChainError, match="0 gaits"):
+        with pytest.raises(ChainError, match="0 sequences"):
             learn((2, 2), gaits[:0], costs[:0])
         with pytest.raises(ChainError):
             learn((2, 2), gaits + 2, costs)

@@ -2,13 +2,16 @@
 
 import io
 import json
+import re
 import sys
 
 import pytest
 from commands import call
 
 import gaitchain.cli.serve
+from gaitchain.backends.mujoco import count_steps
 from gaitchain.gait.library_file import save_library
+from gaitchain.sim.world import World
 
 
 @pytest.fixture
@@ -148,6 +151,25 @@ def test_an_empty_token_is_no_leave_to_serve_without_one(
     assert code == 2
     assert f"the token: {says}; give 8 or more ASCII characters" in error
     assert begun == []
+
+
+@pytest.mark.parametrize("rate", ["99", "30", "20.1", "333", "499"])
+def test_every_rate_that_a_message_names_is_served(rate, begun, capsys):
+    code, _, error = call(capsys, "serve", "--no-log", "--rate", rate)
+    assert code == 2
+    named = re.findall(r"[\d.]+(?= or | Hz would do)", error)
+    assert len(named) == 2
+    for each in named:
+        assert call(capsys, "serve", "--no-log", "--rate", each)[0] == 0
+        period_s = 1.0 / begun.pop().rate_hz
+        assert period_s / 0.002 == pytest.approx(round(period_s / 0.002), rel=1e-14)
+        assert count_steps(1.0 / float(each), 0.002) == round(period_s / 0.002)
+
+
+def test_a_rate_out_of_limits_is_not_named(begun, capsys, monkeypatch):
+    monkeypatch.setattr(World, "timestep", 0.0004)
+    error = call(capsys, "serve", "--no-log", "--rate", "950")[2]
+    assert "0.4 ms; 833.3333 Hz would do" in error
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """How commands share a range: parts, shares, a wheel that is pulled, refusals."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -179,3 +180,13 @@ def test_numbers_that_are_exact_stay_so_in_both_directions(thousandths):
     both = CommandRange(vx=(-end, end), yaw_rate=(-1.0, 1.0))
     there = both.rounded_at((math.copysign(1.0, thousandths), 0.0, 0.0))
     assert there.motion == (thousandths / 1000.0, 0.0, 0.0)
+
+
+def test_a_crouch_that_a_message_names_is_accepted():
+    """0.00684 m were said to be 0.007 m in some places."""
+    span = CommandRange((-0.2, 0.4), crouch=(0.0068363, 0.0068363))
+    done, note = span.clamp(Command(crouch=0.007))
+    assert done.crouch == 0.0068363
+    named = float(re.search(r"leave (\S+) m", note)[1])
+    assert span.clamp(Command(crouch=named)) == (Command(crouch=named), "")
+    span.check(Command(crouch=named))

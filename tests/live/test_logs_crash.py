@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from logging_child import RATE_HZ
 from mcap.reader import make_reader
+from msgspec.structs import replace
 from patience import PATIENCE_S, Deadline
 from planned_library import planned_res
-from telemetry_factory import told
+from telemetry_factory import PACE, told
 
 from gaitchain.errors import LogError
 from gaitchain.gait.library_file import save_library
@@ -164,6 +165,38 @@ def test_a_logger_that_is_started_again_goes_on_with_the_files_of_the_log(tmp_pa
     assert set(tmp_path.glob("*.mcap")) == {path} | kept
 
 
+def test_rows_before_the_first_one_are_lost_in_no_file_but_the_first(tmp_path):
+    said, room = [], Room(file_bytes=1, files=9)
+    logger = Logger(tmp_path / "a.mcap", LIBRARY, said.append, count().__next__, room)
+    for number in (23, 24, 17, 18):  # of two loops
+        logger.write(told(RES, number=number))
+    logger.close()
+    logs = [read_log(file) for file in sorted(tmp_path.glob("*.mcap"))]
+    assert len(logs) > 2
+    for log in logs:
+        list(log.telemetries())
+    assert sum(log.lost for log in logs) == 22 + 16
+    assert said[0] == "22 rows of the loop are not in the log: one gap, 0.1 s at most"
+
+
+def test_rows_between_two_loggers_of_a_log_are_counted(tmp_path):
+    """The first one was killed: what it had not put on the disk is lost as well."""
+    path, ledger, said = tmp_path / "a.mcap", tmp_path / "log.json", []
+    times = iter([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+    killed = Logger(path, LIBRARY, said.append, lambda: next(times, 1.0), None, ledger)
+    for number in range(1, 11):
+        killed.write(told(RES, number=number))
+    on_disk = [row.number for row in read_log(path).telemetries()]
+    assert 0 < len(on_disk) < 10
+    again = Logger(path, LIBRARY, said.append, ledger=ledger)
+    again.write(told(RES, number=15))
+    again.close()
+    killed.close()  # which nobody did before the other one began
+    log = read_log(tmp_path / "a-2.mcap")
+    list(log.telemetries())
+    assert log.lost == 14 - on_disk[-1]
+
+
 @pytest.mark.parametrize("noted", [b"", b"{", b'{"files": 3}'])
 def test_a_damaged_list_of_the_files_keeps_no_log_back(tmp_path, noted):
     ledger = tmp_path / "log.json"
@@ -175,12 +208,12 @@ def test_a_damaged_list_of_the_files_keeps_no_log_back(tmp_path, noted):
 
 @pytest.mark.slow
 def test_rows_that_are_lost_are_told_of_and_noted_in_the_log(tmp_path):
-    said, now_s = [], 0.0
+    said, now_s, pace = [], 0.0, replace(PACE, period_s=0.01)
     logger = Logger(tmp_path / "walk.mcap", LIBRARY, said.append, lambda: now_s)
     for tick in range(3000):
         now_s = 0.01 * tick
         if tick % 100 < 70:
-            logger.write(told(RES, now_s, number=tick + 1))
+            logger.write(told(RES, now_s, number=tick + 1, pace=pace))
     logger.close()
     assert said[0] == ("30 rows of the loop are not in the log: one gap, 0.3 s at most")
     assert 2 <= len(said) <= 4  # not one for each gap

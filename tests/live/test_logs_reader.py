@@ -35,8 +35,8 @@ CHUNKS, EACH = 4, 6
 PUSH = "a push of 40 N s to 90 deg"
 
 
-def write(path, rows, each=50):
-    file = LogFile(path, LIBRARY)
+def write(path, rows, each=50, row_before=None):
+    file = LogFile(path, LIBRARY, row_before)
     for i, row in enumerate(rows, start=1):
         file.write(row)
         if i % each == 0:
@@ -124,6 +124,23 @@ def test_rows_that_never_came_are_counted(tmp_path):
     assert log.damage == (
         "600 rows of the loop are not in the log: 2 gaps, 1.2 s at most"
     )
+
+
+def test_rows_before_a_loops_first_one_are_counted_too(tmp_path):
+    numbers = [23, 24, 25, 17, 18, 18, 30]  # of three loops
+    rows = [told(RES, 0.004 * n, number=n) for n in numbers]
+    log = read_log(write(tmp_path / "first.mcap", rows, row_before=0))
+    assert len(list(log.telemetries())) == len(rows)
+    assert log.lost == 22 + 16 + 17 + 11
+    assert "66 rows of the loop are not in the log: 4 gaps, 0.1 s" in log.damage
+
+
+@pytest.mark.parametrize(("row_before", "lost"), [(None, 0), (22, 0), (20, 2)])
+def test_a_file_misses_only_what_came_after_the_file_before(tmp_path, row_before, lost):
+    rows = [told(RES, 0.004 * n, number=n) for n in (23, 24)]
+    log = read_log(write(tmp_path / "a.mcap", rows, row_before=row_before))
+    assert len(list(log.telemetries())) == 2
+    assert log.lost == lost
 
 
 def test_rows_of_another_robots_size_are_left_out(tmp_path):
@@ -322,7 +339,9 @@ def test_the_last_fall_of_a_log_is_explained(fall, two_falls, tmp_path, capsys):
     assert out.startswith(f"The robot fell at {fell_at_s:.2f} s after {PUSH}: ")
     assert "what to turn" in out
     assert json.loads(why.read_text("utf-8"))["fell_at_s"] == pytest.approx(fell_at_s)
-    assert (tmp_path / "timeline.png").read_bytes().startswith(b"\x89PNG")
+    picture = two_falls.with_suffix(".timeline.png")
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert f"{picture}: the timeline" in out
 
 
 def test_any_fall_of_a_log_can_be_explained(fall, two_falls, capsys):
@@ -367,7 +386,7 @@ def test_of_a_real_robot_the_joints_are_judged(tmp_path, capsys):
     assert code == 0
     assert out.startswith("The robot fell at 3.00 s: speed saturation at left_knee ")
     assert "no timeline" in out
-    assert not (tmp_path / "timeline.png").exists()
+    assert not [*tmp_path.glob("*.png")]
 
 
 def test_only_the_last_minute_before_a_fall_is_kept():

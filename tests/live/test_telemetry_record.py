@@ -1,5 +1,6 @@
 """From telemetry to a record: against the recorder's own, and of falls in the loop."""
 
+import dataclasses
 import math
 from dataclasses import fields
 
@@ -96,11 +97,12 @@ def test_telemetry_makes_the_record_that_the_recorder_makes(both):
 
 def test_a_record_of_telemetry_can_be_kept_as_a_file(both, tmp_path):
     rows, _, timing = both
-    record = record_of(RES, rows, timing)
+    record = dataclasses.replace(record_of(RES, rows, timing), notes=((1.0, "reset"),))
     save_record(record, tmp_path / "walk.rec")
     again = load_record(tmp_path / "walk.rec")
     np.testing.assert_array_equal(again.qpos, record.qpos)
     assert again.commands == record.commands
+    assert again.notes == record.notes
 
 
 def test_rows_between_those_with_truth_are_left_out(both):
@@ -172,7 +174,41 @@ def test_a_get_up_that_fails_belongs_to_no_record(fallen):
         record = record_of(RES, rows)
         assert record.fell_at_s == pytest.approx(first.fell_at_s)
         np.testing.assert_array_equal(record.qpos, first.qpos)
-    assert record_of(RES, up).fell_at_s is None
+    with pytest.raises(RecordError, match="0 rows with torque up to a fall; give 2"):
+        record_of(RES, up)
+
+
+def test_a_robot_without_torque_is_not_judged_and_what_stopped_it_is_noted():
+    """Limp it goes down, and a reset puts it back on its feet."""
+    stop = TroubleKind.EMERGENCY_STOP
+    limp = {"mode": Mode.STOPPED, "trouble": stop, "estimated_tilt": (1.0, 0.0)}
+    lies = tuple(angle + 1.0 for angle in RES.legs.stand)
+    modes = [Mode.WALKING] * 50 + [None] * 100 + [Mode.RISING] * 50
+    modes += [Mode.STANDING] * 100
+    rows = [
+        told(RES, 0.01 * i, mode=mode)
+        if mode
+        else told(RES, 0.01 * i, joint_position=lies, **limp)
+        for i, mode in enumerate(modes)
+    ]
+    said = {
+        0: "standing to walking",
+        50: "walking to stopped: emergency stop by rest",
+        150: "reset by rest",
+        200: "rising to standing",
+    }
+    for i, text in said.items():
+        rows[i] = replace(rows[i], events=(event(0.01 * i, "mode", text),))
+    record = record_of(RES, rows, since_s=0.0)
+    assert (record.time_s[0], record.time_s[-1]) == pytest.approx((1.5, 2.99))
+    assert record.notes == ((0.5, said[50]), (1.5, said[150]))
+    assert record.events == ()
+    why = explain(RES, record)
+    assert (why.findings, why.notes) == ((), record.notes)
+    assert record_of(RES, rows[:140]).time_s[-1] == pytest.approx(0.49)
+    safe = [replace(t, mode=Mode.SAFE) for t in rows[:50]]  # of which a reset is, too
+    anew = [replace(t, time_s=t.time_s + 1.0) for t in rows[150:]]
+    assert len(record_of(RES, [*safe, *anew]).time_s) == 150
 
 
 @pytest.mark.parametrize("mode", [Mode.STOPPED, Mode.SAFE])

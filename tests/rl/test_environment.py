@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.errors import CommandError
+from gaitchain.errors import CommandError, LibraryError
 from gaitchain.messages import Command
 from gaitchain.rl.actions import TargetScale
 from gaitchain.rl.environment import WalkEnv
@@ -192,6 +192,11 @@ def test_targets_and_actions_are_inverse():
 def test_options_that_cannot_be_are_refused(options, says):
     with pytest.raises(CommandError, match=says):
         WalkEnv(**options)
+
+
+def test_a_library_that_is_none_is_refused():
+    with pytest.raises(LibraryError, match="library 5: give a GaitLibrary, the path"):
+        WalkEnv(library=5)
 
 
 @pytest.mark.parametrize(

@@ -322,7 +322,7 @@ def test_open_duck_has_the_time_of_a_cycle_that_was_walked(plan, tmp_path):
 def test_the_verb_writes_and_says_what(tmp_path, capsys):
     words = f"export res --to npz --grid 1,1,1 --seconds 1 -o {tmp_path}/a.npz"
     assert run([*words.split(), "--workers", "1"]) == 0
-    assert "1 motions for npz" in capsys.readouterr().out
+    assert ": 1 motion for npz" in capsys.readouterr().out
     assert (tmp_path / "a.npz").is_file()
 
 
@@ -339,9 +339,12 @@ def test_one_cycle_is_enough_for_polynomials(tmp_path):
     [
         ("--to npz --grid 2,1,1", "three odd numbers, such as 5,3,3"),
         ("--to npz -o a.csv", "name it *.npz"),
-        ("--to npz --seconds 0.5", "a cycle takes 0.72, give 0.72 or more"),
-        ("--to open-duck --seconds 0.71", "a cycle takes 0.72, give 0.72 or more"),
-        ("--to open-duck --seconds 0.72 --rate 25", "give 0.73 or more"),
+        ("--to npz --seconds 0.5", "a cycle takes 0.72, give 0.72 to 600"),
+        ("--to open-duck --seconds 0.71", "a cycle takes 0.72, give 0.72 to 600"),
+        ("--to open-duck --seconds 0.72 --rate 25", "give 0.73 to 600"),
+        ("--to npz --seconds -1", "--seconds -1: a cycle takes 0.72, give 0.72 to 600"),
+        ("--to npz --seconds 601", "give 0.72 to 600"),
+        ("--to npz --seconds nan", "give 0.72 to 600"),
         ("--to npz --own-model no.xml", "no.xml"),
     ],
 )

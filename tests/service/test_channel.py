@@ -1,9 +1,13 @@
 """Requests on their way to the loop: what an emergency stop overtakes."""
 
+import threading
 from contextlib import closing
 
 import pytest
 import zmq
+from patience import PATIENCE_S, Deadline
+from planned_library import planned_res
+from telemetry_factory import told
 
 from gaitchain.live.messages import (
     Drive,
@@ -19,9 +23,10 @@ from gaitchain.live.messages import (
     Stop,
     encode,
 )
-from gaitchain.service.channel import LoopEnd
+from gaitchain.service.channel import Listener, LoopEnd
 from gaitchain.walker.waypoints import Place
 
+RES = planned_res().robot
 MOVES = Reset("me"), Start("me"), GetUp("me"), Drive("me", 0.1), GoTo("me", (Place(),))
 HARMLESS = Stop("me"), LetGo("me"), Note("part", "said"), Recall(), Shutdown()
 
@@ -71,3 +76,30 @@ def test_what_is_asked_after_it_is_taken(asked):
     asked.end.requests()
     asked.ask(*MOVES)
     assert asked.end.requests() == [*MOVES]
+
+
+def test_the_first_row_of_a_loop_reaches_the_log_that_it_waited_for(tmp_path):
+    """A socket that connects again takes up to 0.1 s: a row of each 4 ms was lost."""
+    heard, deadline = [], Deadline()
+
+    def listen():
+        with closing(Listener(tmp_path, logs=True)) as log:
+            while len(heard) < 4 and not deadline.passed():
+                heard.extend(row.number for row in [log.next(0.1)] if row is not None)
+
+    listening = threading.Thread(target=listen)
+    listening.start()
+    for loop in range(2):  # the second one as after the first was killed
+        with closing(LoopEnd(tmp_path)) as end:
+            assert end.await_log(PATIENCE_S)
+            for number in (1, 2):
+                end.publish(told(RES, number=number))
+            while len(heard) < 2 * loop + 2 and not deadline.passed():
+                listening.join(0.01)
+    listening.join()
+    assert heard == [1, 2, 1, 2]
+
+
+def test_a_loop_does_not_wait_for_a_log_that_does_not_come(tmp_path):
+    with closing(LoopEnd(tmp_path)) as end, closing(Listener(tmp_path)):
+        assert not end.await_log(0.3)

@@ -14,6 +14,7 @@ from patience import PATIENCE_S
 from planned_library import planned_res
 
 from gaitchain.backends.base import Disturbances, PunchesState
+from gaitchain.gait.command_range import inward
 from gaitchain.live.messages import Mode, ReplayState
 from gaitchain.service.schemas import SteerMessage
 from gaitchain.sim.bodies import body_names
@@ -292,18 +293,18 @@ def test_a_crouch_stays_until_the_wheel_is_let_go(visit, server, see):
     page = visit()
     slider, shown = page.locator("#crouch"), page.locator("#crouch-out")
     see(page.locator("#crouch-ends")).to_have_text(
-        f"at full speed {fast:.3f}most {most:.3f}"
+        f"at full speed {inward(fast):.3f}most {inward(most):.3f}"
     )
     drive(server, page, see)
     slider.focus()
     page.keyboard.press("End")
     until_message(server, crouch=1)
     server.set(crouch_asked=most)
-    see(shown).to_have_text(f"{most:.3f} m")
+    see(shown).to_have_text(f"{inward(most):.3f} m")
     page.keyboard.press("w")
     until_message(server, crouch=1, ahead=0)  # no motion; a key's release leaves it
     see(slider).to_have_js_property("value", "1")
-    see(page.locator("#asked")).to_contain_text(f"{most:.3f} m lower")
+    see(page.locator("#asked")).to_contain_text(f"{inward(most):.3f} m lower")
     page.click("#let-go")
     server.set(driver="", crouch_asked=0.0)
     see(slider).to_have_js_property("value", "0")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.gait.command_range import inward
 from gaitchain.gait.stride.crouch import deepest_crouch
 from gaitchain.messages import CONTROL_PERIOD_S, Command
 from gaitchain.robot.box_robot import box_robot
@@ -110,7 +111,9 @@ def test_too_low_is_clamped_and_said(stiff):
     walker, most = Walker(stiff), stiff.command_range
     slow, fast = most.crouch
     assert walker.command(Command(crouch=1.0)) == Command(crouch=slow)
-    assert walker.note == f"crouch 1 m: the legs leave {slow:.3f} m at this speed"
+    assert (
+        walker.note == f"crouch 1 m: the legs leave {inward(slow):.3f} m at this speed"
+    )
     done = walker.command(Command(most.vx[1], crouch=slow))
     assert done == Command(most.vx[1], crouch=pytest.approx(fast))
     assert "at this speed" in walker.note

@@ -77,6 +77,11 @@ def test_the_other_foot_is_put_beside_the_last_one():
         ([AHEAD[0], AHEAD[1]._replace(x=0.9)], "footstep 2, the right .* nearest "),
         ([AHEAD[0], AHEAD[0]], "footstep 2: the left foot again"),
         ([AHEAD[0]._replace(yaw=math.nan)], "footstep 1: .*number"),
+        ([AHEAD[0]._replace(x="a")], "footstep 1: .* no numbers; give one such as"),
+        ([AHEAD[0]._replace(left="x")], "footstep 1: left is 'x'; give one such as"),
+        ([AHEAD[0], 1], "footstep 2: 1 is none; give one such as Footstep"),
+        ("ab", "footstep 1: 'a' is none"),
+        (None, "footsteps None: give a list of Footstep"),
     ],
 )
 def test_what_the_chain_cannot_make_is_refused(steps, said):
@@ -156,3 +161,22 @@ def test_a_place_that_cannot_be_is_refused(goal):
     walker = Walker(LIBRARY)
     with pytest.raises(CommandError, match="must be numbers within"):
         walker.go_to(goal)
+
+
+def test_arguments_of_another_kind_are_refused_with_one_that_would_do():
+    walker = Walker(LIBRARY)
+    for ask, says in (
+        (lambda: walker.go_to((1, 0, 0)), r"goal \(1, 0, 0\): give a Place, such as"),
+        (lambda: walker.go_to(Place("a", 0, 0)), r"\('a', 0, 0\): x, y and yaw must"),
+        (lambda: walker.go_to(Place(1.0), (1, 1)), r"near \(1, 1\): give Near\("),
+        (lambda: walker.go_to(Place(1.0), crouch="a"), "crouch is 'a', no number"),
+        (lambda: walker.command(Command("a")), "vx is 'a', no number; give one such"),
+        (lambda: walker.command((0.1, 0, 0)), r"\(0.1, 0, 0\) is no command"),
+        (lambda: walker.follow([Command(), None]), "None is no command"),
+        (lambda: walker.follow(5), "commands 5: give a list of Command"),
+    ):
+        with pytest.raises(CommandError, match=says):
+            ask()
+    assert walker.goal is None
+    assert walker.commanded == Command()
+    assert walker.command(Command(np.float32(0.1))).vx == pytest.approx(0.1)

@@ -49,6 +49,8 @@ class Explanation:
     """None if the robot did not fall, or fell without a broken rule."""
     events: tuple[tuple[float, str], ...] = ()
     """(time [s], event) such as a push, up to the fall."""
+    notes: tuple[tuple[float, str], ...] = ()
+    """(time [s], event) such as a stop or a reset, which no fall comes from."""
 
     @property
     def after(self) -> str:
@@ -122,7 +124,7 @@ def explain(
         fitting = replace(cause, advice=_fitting(cause.advice, disturbed, stood))
         findings = tuple(fitting if f is cause else f for f in findings)
         cause = fitting
-    return Explanation(fell_at_s, findings, cause, events)
+    return Explanation(fell_at_s, findings, cause, events, record.notes)
 
 
 def _disturbances(

@@ -84,6 +84,9 @@ class WalkRecord:
     """Speed limit of the joints in this world [rad/s]; None for the robot's limits."""
     events: tuple[tuple[float, str], ...] = ()
     """(time [s], event) of external disturbances such as a push."""
+    notes: tuple[tuple[float, str], ...] = ()
+    """(time [s], event) of what else happened to the robot, such as a stop or a reset;
+    none of them makes a robot fall."""
     commands: tuple[tuple[float, Command], ...] = ()
     """(time [s], command) of each change of the command, with the stop at the end."""
 

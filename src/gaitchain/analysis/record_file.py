@@ -67,6 +67,7 @@ class _Header(msgspec.Struct, frozen=True):
     # Files of older versions do not have these.
     commands: tuple[tuple[float, ...], ...] = ()
     gait: str = ""
+    notes: tuple[tuple[float, str], ...] = ()
 
 
 def save_record(record: WalkRecord, path: Path) -> int:
@@ -139,6 +140,7 @@ def _header(record: WalkRecord) -> dict[str, Any]:
         "step_ticks": [int(tick) for tick in record.step_ticks],
         "fell_at_s": record.fell_at_s,
         "events": record.events,
+        **({"notes": record.notes} if record.notes else {}),
         "commands": [(t, *astuple(command)) for t, command in record.commands],
         "decisions": [(t, asdict(d), asdict(p)) for t, d, p in record.decisions],
         "robot": robot and robot_facts(robot),
@@ -192,6 +194,7 @@ def _check_facts(facts: _Header, time_s: NDArray[Any], joints: int) -> None:
         _check_limit(f"{name} limit", limit, joints)
     for name, moments in (
         ("an event", facts.events),
+        ("a note", facts.notes),
         ("a decision", facts.decisions),
         ("a command", facts.commands),
     ):
@@ -249,5 +252,6 @@ def _assemble(
         torque_limit=torque,
         speed_limit=speed,
         events=facts.events,
+        notes=facts.notes,
         commands=tuple((time_s, Command(*asked)) for time_s, *asked in facts.commands),
     )

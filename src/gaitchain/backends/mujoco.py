@@ -23,7 +23,7 @@ from gaitchain.sim.robot_faults import encoder_offsets, likely_robot, world_of
 from gaitchain.sim.sensor_faults import SensorFaults
 from gaitchain.sim.servo_faults import ServoFaults
 from gaitchain.sim.truth import SimulatorTruth
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.world import SAME_PERIOD, Push, World
 from gaitchain.sim.world_draws import SensorNoise
 
 _BASE = 7  # generalised coordinates of the free joint
@@ -304,7 +304,7 @@ def count_steps(period_s: float, timestep: float) -> int:
         CommandError: it is no whole number of them.
     """
     steps = round(period_s / timestep)
-    if steps < 1 or not math.isclose(steps * timestep, period_s):
+    if steps < 1 or not math.isclose(steps * timestep, period_s, rel_tol=SAME_PERIOD):
         raise CommandError(
             f"timestep is {timestep:g} s, must divide the control period of "
             f"{period_s:g} s"

@@ -86,6 +86,7 @@ class LayeredChainModel:
         costs = np.zeros(len(paths)) if y is None else _costs(y)
         prior, sizes = _weight("prior", self.prior), self._sizes(paths)
         shrink = None if self.shrink is None else _weight("shrink", self.shrink)
+        _generator(self.random_state)  # which only `sample` needs
         chain = train_batch(sizes, paths, costs, prior, cyclic=False)
         edges = path_costs(sizes, paths, costs, shrink)
         first = np.full(sizes[0], prior / sizes[0])

@@ -202,7 +202,7 @@ def _check_learning(
     sizes = check_layer_sizes(layer_sizes)
     indices, checked = check_samples(sizes, gaits, costs)
     if not checked.size:
-        raise ChainError("0 gaits have no mean cost; sample at least 1")
+        raise ChainError("0 sequences have no mean cost; sample at least 1")
     return sizes, indices, checked
 
 

@@ -49,7 +49,7 @@ class LayeredChain:
         if self.cyclic and sizes[0] != sizes[-1]:
             raise ChainError(
                 f"a cyclic chain needs equal first and last layers, got {sizes[0]} "
-                f"and {sizes[-1]} poses; pass cyclic=False for an open chain"
+                f"and {sizes[-1]} nodes; pass cyclic=False for an open chain"
             )
 
     @classmethod
@@ -92,7 +92,7 @@ class LayeredChain:
             if np.shape(first) != self.layer_sizes[:1]:
                 raise ChainError(
                     f"first has shape {np.shape(first)}, but layer 1 has "
-                    f"{self.layer_sizes[0]} poses: pass one probability for each"
+                    f"{self.layer_sizes[0]} nodes: pass one probability for each"
                 )
             result = result * np.asarray(first)[indices[..., 0]]
         for layer, matrix in enumerate(self.transitions):
@@ -150,7 +150,7 @@ class LayeredChain:
             if not np.all(total > 0.0):
                 row = groups[layer][int(np.argmin(total))]
                 raise ChainError(
-                    f"pose {row} of layer {layer + 1} would keep no edge of positive "
+                    f"node {row} of layer {layer + 1} would keep no edge of positive "
                     "probability; keep one of its successors or drop it as well"
                 )
             cut.append(part / total)
@@ -207,7 +207,7 @@ def check_layer_sizes(layer_sizes: Sequence[int]) -> tuple[int, ...]:
     """Return the sizes as a tuple, or raise ChainError if they cannot form a chain."""
     sizes = tuple(int(size) for size in layer_sizes)
     if len(sizes) < 2 or min(sizes) < 1:
-        raise ChainError(f"layer sizes {sizes}: need two or more layers of >= 1 pose")
+        raise ChainError(f"layer sizes {sizes}: need two or more layers of >= 1 node")
     return sizes
 
 
@@ -216,14 +216,14 @@ def check_gaits(layer_sizes: Sequence[int], gaits: IntArray) -> IntArray:
     indices, length = np.asarray(gaits), len(layer_sizes)
     if indices.shape[-1:] != (length,) or not np.issubdtype(indices.dtype, np.integer):
         raise ChainError(
-            f"gaits of shape {indices.shape} and type {indices.dtype}: "
+            f"sequences of shape {indices.shape} and type {indices.dtype}: "
             f"need integers of shape (..., {length})"
         )
     for layer, size in enumerate(layer_sizes):
         column = indices[..., layer]
         if column.size and (column.min() < 0 or column.max() >= size):
             worst = column[(column < 0) | (column >= size)].flat[0]
-            raise ChainError(f"pose {worst} of layer {layer + 1}: need 0..{size - 1}")
+            raise ChainError(f"node {worst} of layer {layer + 1}: need 0..{size - 1}")
     return indices.astype(np.int64, copy=False)
 
 
@@ -251,7 +251,7 @@ def matrix_sizes(matrices: Sequence[FloatArray]) -> tuple[int, ...]:
     for layer, (left, right) in enumerate(pairwise(shapes)):
         if left[1] != right[0]:
             raise ChainError(
-                f"layer {layer + 2} has {left[1]} poses as a target but {right[0]} as "
+                f"layer {layer + 2} has {left[1]} nodes as a target but {right[0]} as "
                 "a source; both must be equal"
             )
     return (shapes[0][0], *(shape[1] for shape in shapes))
@@ -260,7 +260,7 @@ def matrix_sizes(matrices: Sequence[FloatArray]) -> tuple[int, ...]:
 def _check_count(count: object) -> None:
     whole = isinstance(count, Integral) and not isinstance(count, bool)
     if not (whole and cast(int, count) >= 0):
-        raise ChainError(f"count={count!r}: need a whole number of gaits, 0 or more")
+        raise ChainError(f"count={count!r}: need a whole number of them, 0 or more")
 
 
 def _check_rows(layer: int, matrix: FloatArray) -> None:

@@ -216,9 +216,9 @@ def _follow(
         total = matrix[path[-1]] + value
         stuck = ~np.isfinite(total.min(axis=-1))
         if np.any(stuck):
-            pose = int(path[-1][stuck].flat[0])
+            node = int(path[-1][stuck].flat[0])
             raise ChainError(
-                f"no allowed path leads on from pose {pose} of layer {layer + 1}: all "
+                f"no allowed path leads on from node {node} of layer {layer + 1}: all "
                 "its edges or ends are forbidden (+inf); allow one, or use look_ahead, "
                 "which avoids dead ends where a path exists"
             )
@@ -244,7 +244,7 @@ def _check_poses(name: str, poses: ArrayLike, size: int) -> IntArray:
     integer = np.issubdtype(values.dtype, np.integer)
     if not integer or np.any((values < 0) | (values >= size)):
         raise ChainError(
-            f"{name}={values.tolist()}: need pose indices in 0..{size - 1}"
+            f"{name}={values.tolist()}: need node indices in 0..{size - 1}"
         )
     return values.astype(np.int64, copy=False)
 

@@ -135,11 +135,12 @@ def check_samples(
     values = np.asarray(costs, dtype=np.float64)
     if indices.ndim != 2 or values.shape != indices.shape[:1]:
         raise ChainError(
-            f"gaits {indices.shape} and costs {values.shape}: need (G, L) and (G,)"
+            f"sequences {indices.shape} and costs {values.shape}: need (G, L) and (G,)"
         )
     bad = np.flatnonzero(~((values >= 0.0) & (values <= 1.0)))
     if bad.size:
-        raise ChainError(f"cost {values[bad[0]]} of gait {bad[0]}: need 0 <= f <= 1")
+        worst = bad[0]
+        raise ChainError(f"cost {values[worst]} of sequence {worst}: need 0 <= f <= 1")
     return indices, values
 
 

@@ -90,7 +90,8 @@ def resumable(path: Path) -> Iterator[None]:
     try:
         yield
     except (KeyboardInterrupt, JournalError):
-        say(f"{path}: what is finished; the same command goes on from there")
+        if path.exists():  # else not even the first one could be kept
+            say(f"{path}: what is finished; the same command goes on from there")
         raise
 
 

@@ -34,7 +34,7 @@ def run(options: Explain) -> tuple[int, dict[str, Any]]:
     record = _record_of_log(path, options.fall) if logged else load_record(path)
     if record.robot is None:
         raise CommandError(f"{path}: it does not say which robot walked; walk again")
-    picture = options.output or path.parent / "timeline.png"
+    picture = options.output or path.parent / _name(path)
     check_picture(picture)
     explanation = explain(record.robot, record)
     say(explanation.sentence)
@@ -61,6 +61,11 @@ def _record_of_log(path: Path, fall: int | None) -> WalkRecord:
     )
 
 
+def _name(path: Path) -> str:
+    """Return the picture's name; a folder has one walk, and may have many logs."""
+    return f"{path.stem}.timeline.png" if path.suffix == SUFFIX else "timeline.png"
+
+
 def to_json(explanation: Explanation) -> dict[str, Any]:
     """Return plain values for machines to read."""
     cause = explanation.cause
@@ -69,8 +74,13 @@ def to_json(explanation: Explanation) -> dict[str, Any]:
         "sentence": explanation.sentence,
         "cause": None if cause is None else _plain(cause),
         "findings": [_plain(finding) for finding in explanation.findings],
-        "events": [list(event) for event in explanation.events],
+        "events": [list(event) for event in _happened(explanation)],
     }
+
+
+def _happened(explanation: Explanation) -> list[tuple[float, str]]:
+    """Return (time [s], event) of all that happened to the robot, in order."""
+    return sorted((*explanation.events, *explanation.notes))
 
 
 def _plain(finding: Finding) -> dict[str, Any]:
@@ -88,7 +98,7 @@ def _show(explanation: Explanation, path: Path) -> None:
         )
         for finding in explanation.findings
     ]
-    lines += [(time_s, what, "", "", "") for time_s, what in explanation.events]
+    lines += [(time_s, what, "", "", "") for time_s, what in _happened(explanation)]
     if explanation.fell_at_s is not None:
         lines.append((explanation.fell_at_s, "the fall", "", "", ""))
     rows = [(f"{time_s:.2f}", *more) for time_s, *more in sorted(lines)]

@@ -1,6 +1,7 @@
 """`gaitchain export`: walked motions in the files that other projects read."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from gaitchain.rl.frames import Motion, stage_of
 from gaitchain.rl.motions import Plan, record_motions
 from gaitchain.walker.walker import Walker
 
+_MOST_S = 600.0  # of a motion
 _SLACK_S = 1e-9  # a cycle is a sum of times, rounded
 
 
@@ -46,9 +48,9 @@ def write_motions(options: Export) -> tuple[int, dict[str, Any]]:
     figures = _figures(plan, motions, written)
     _show(library, plan, figures)
     if fell:
-        say(f"nothing written: {len(fell)} of {len(motions)} motions fell")
+        say(f"nothing written: {len(fell)} of {_counted(motions)} fell")
     else:
-        say(f"{to}: {len(motions)} motions for {options.to}")
+        say(f"{to}: {_counted(motions)} for {options.to}")
     return int(bool(fell)), figures
 
 
@@ -63,12 +65,16 @@ def _plan(options: Export, library: GaitLibrary) -> Plan:
     )
     stage_of(library, options.own_model)  # refuses another robot's file at once
     least_s = FORMATS[options.to].least(plan)
-    if options.seconds < least_s - _SLACK_S:
+    if not least_s - _SLACK_S <= options.seconds <= _MOST_S:  # nor NaN
         raise CommandError(
             f"--seconds {options.seconds:g}: a cycle takes {plan.cycle_s:.2f}, give "
-            f"{_rounded_up(least_s):g} or more"
+            f"{_rounded_up(least_s):g} to {_MOST_S:g}"
         )
     return plan
+
+
+def _counted(motions: Sequence[object]) -> str:
+    return f"{len(motions)} motion{'s' * (len(motions) != 1)}"
 
 
 def _place(options: Export, suffix: str) -> Path:
@@ -140,5 +146,5 @@ def _show(library: GaitLibrary, plan: Plan, figures: dict[str, Any]) -> None:
         label, _, unit = name.rpartition("_")
         shown = {"mps": "m/s", "radps": "rad/s"}[unit]
         rows.append((f"{label} [{shown}]", limits, f"{error:.3f}"))
-    title = f"{len(plan.commands)} motions of {library.robot.name} in physics"
+    title = f"{_counted(plan.commands)} of {library.robot.name} in physics"
     print_table(title, ("", "commands", "rms error of the mean"), rows)

@@ -15,8 +15,9 @@ from gaitchain.sim.known_servos import KNOWN_SERVOS
 from gaitchain.sim.world import DISTURBANCES, World
 
 _Flag = tyro.conf.FlagCreatePairsOff[bool]
-_Early = Literal["bus", "directions", "offsets", "timing", "imu"]
-_Stages = _Early | Literal["hung", "stand", "shift", "steps"]
+_Stages = Literal[
+    "bus", "directions", "offsets", "timing", "imu", "hung", "stand", "shift", "steps"
+]
 _PORT = Limits(0, 2**16 - 1)
 _SEED = Limits(0, TRIALS - 1)  # builds have the larger ones
 
@@ -378,7 +379,8 @@ class Explain:
     run: Annotated[Path, tyro.conf.Positional]
     """The folder of a walk, its walk.rec, or a log that `serve` wrote (.mcap)."""
     output: Picture = None
-    """Picture of the timeline; timeline.png beside the record by default."""
+    """Picture of the timeline; by default timeline.png beside the record of a walk,
+    NAME.timeline.png beside a log NAME.mcap."""
     fall: int | None = None
     """Which fall of a log, 1 for the first; the last one by default."""
     report: Report = ReportOptions()
@@ -405,8 +407,9 @@ class Export:
     """Of c: only write the files."""
     grid: str = "5,3,3"
     """Odd numbers of speeds ahead, aside and around, from limit to limit."""
-    seconds: Annotated[float, Limits(0.1, 600.0)] = 10.0
-    """Length of each motion, after three seconds of run-in [s]."""
+    seconds: float = 10.0
+    """Length of each motion, after three seconds of run-in: from a cycle of the walk to
+    600 [s]."""
     own_model: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """The robot's MJCF or URDF: walk in it and write all its joints and bodies, arms
     too, in its order, as mjlab needs them; else those of the legs, and the trunk."""

@@ -8,7 +8,7 @@ import re
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import fields, is_dataclass, replace
-from typing import Any, cast
+from typing import Any, Literal, cast, get_args, get_origin
 
 import tyro
 
@@ -19,6 +19,11 @@ from gaitchain.gait.limits import Limits, declared, exact
 # What tyro says of a word that is no number, with Python's own words.
 _NO_NUMBER = re.compile(
     r"Error parsing (--\S+): .*?(int\(\) with base 10|string to float): '(.*?)'"
+)
+# Of the choices that tyro names the order changes, and one is None.
+_NO_CHOICE = re.compile(
+    r"invalid choice '(?P<word>.*?)' for argument '(?P<option>--\S+)'"
+    r"|parsing (?P<of>--\S+): no type matching \S+ could be .*? \['(?P<none>.*?)'\]"
 )
 _DESCRIPTION = (
     "Online humanoid walking from a Markov chain of key poses, checked by physics."
@@ -39,7 +44,11 @@ def parse(arguments: Sequence[str]) -> Options:
     try:
         with contextlib.redirect_stderr(complaint), contextlib.redirect_stdout(plain):
             options = tyro.extras.subcommand_cli_from_dict(
-                {**VERBS}, prog="gaitchain", description=_DESCRIPTION, args=words
+                {**VERBS},
+                prog="gaitchain",
+                description=_DESCRIPTION,
+                args=words,
+                config=(tyro.conf.DisallowNone,),  # what is left out is not given
             )
     except SystemExit as stop:
         if not stop.code:
@@ -57,7 +66,7 @@ def _check_names(words: Sequence[str]) -> None:
         return
     if verb not in VERBS:
         raise CommandError(f"{verb}: no such verb{_nearest(verb, VERBS)}")
-    known = {f"--{name.replace('_', '-')}" for name in _option_names(VERBS[verb])}
+    known = {f"--{name.replace('_', '-')}" for name in _types(VERBS[verb])}
     for word in words[1:]:
         option = word.partition("=")[0].replace("_", "-")
         if not option.startswith("--") or option in known | {"--help"}:
@@ -69,16 +78,26 @@ def _check_names(words: Sequence[str]) -> None:
         raise CommandError(f"{option}: no option of {verb}{_nearest(option, known)}")
 
 
-def _option_names(options: Any) -> Iterable[str]:
-    """Yield the names of a verb's options, including those of its groups."""
+def _types(options: Any) -> dict[str, Any]:
+    """Return the types of a verb's options, including those of its groups, by name."""
+    found: dict[str, Any] = {}
     for option in fields(options):
         if is_dataclass(option.default):
-            yield from _option_names(option.default)
+            found |= _types(option.default)
             continue
         notes = getattr(option.type, "__metadata__", ())
         if tyro.conf.Positional not in notes:
             named = (getattr(note, "name", None) for note in notes)
-            yield next(filter(None, named), option.name)
+            found[next(filter(None, named), option.name)] = option.type
+    return found
+
+
+def _choices(kind: Any) -> list[str]:
+    """Return the words that an option's type allows, in the order it declares."""
+    parts = get_args(kind)
+    if get_origin(kind) is Literal:
+        return [str(word) for word in parts]
+    return [word for part in parts for word in _choices(part)]
 
 
 def _nearest(word: str, known: Iterable[str]) -> str:
@@ -99,8 +118,13 @@ def _check_numbers(options: Any) -> None:
 
 
 def _complaint(box: str, verb: str) -> str:
-    """Return what is wrong; of a word that is no number also what would do."""
+    """Return what is wrong, of a word that is no number or choice what would do."""
     said = _one_line(box)
+    if verb in VERBS and (found := _NO_CHOICE.search(said)):
+        option, word = found["option"] or found["of"], found["word"] or found["none"]
+        kind = _types(VERBS[verb])[option.removeprefix("--").replace("-", "_")]
+        if choices := ", ".join(_choices(kind)):
+            return f"{option} {word}: give one of {choices}"
     found = _NO_NUMBER.search(said)
     if found is None or verb not in VERBS:
         return said

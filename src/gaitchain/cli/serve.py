@@ -3,6 +3,7 @@
 import math
 import os
 import sys
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -16,12 +17,13 @@ from gaitchain.errors import CommandError, file_errors
 from gaitchain.gait.get_up import load_get_up
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
+from gaitchain.gait.limits import Limits, declared
 from gaitchain.live.logs.logger import next_free
 from gaitchain.live.logs.reader import SUFFIX
 from gaitchain.service.robots import check_backend, kind_of
 from gaitchain.service.settings import Settings, is_loopback
 from gaitchain.service.supervisor import serve
-from gaitchain.sim.world import World
+from gaitchain.sim.world import SAME_PERIOD, World
 
 _LOGS = Path("runs/serve")
 _SIMULATED_HZ, _MOTOR_HZ = 250.0, 100.0
@@ -34,11 +36,12 @@ def run(options: Serve) -> tuple[int, dict[str, Any]]:
     check_backend(options.backend, options.calibration)
     _check_ros(options)
     _check_unused(options)
-    _check_rate(options)
+    options = _with_exact_rate(options)
     token = _token(options)
     library = find_library(options.library)
     known = load_library(library)  # reports a bad file before any part starts
     _check_own(options, known)
+    options = _with_rate_of_own(options, known)
     settings = _settings(options, library, token)
     log = None if settings.log is None else str(next_free(Path(settings.log))[0])
     code = serve(
@@ -112,9 +115,6 @@ def _check_own(options: Serve, library: GaitLibrary) -> None:
     """
     if options.own_model is not None and options.backend != "mujoco":
         raise CommandError("--own-model: simulates; leave out --backend")
-    if options.own_model is not None and options.rate is not None:
-        file = _path(options.own_model) or ""
-        _check_steps(options.rate, _own_step_s(file, library))
     if options.get_up is None:
         return
     if options.own_model is None:
@@ -136,23 +136,39 @@ def _own_step_s(file: str, library: GaitLibrary) -> float:
         return float(own_model(file, library.robot, World()).opt.timestep)
 
 
-def _check_rate(options: Serve) -> None:
+def _with_exact_rate(options: Serve) -> Serve:
     """Refuse a rate that the simulator cannot keep, before anything is loaded."""
     if options.rate is None or options.backend != "mujoco" or options.own_model:
-        return
-    _check_steps(options.rate, World.timestep)
+        return options
+    return replace(options, rate=_exact_rate(options.rate, World.timestep))
 
 
-def _check_steps(rate_hz: float, step_s: float) -> None:
-    """Refuse a rate whose period is no whole number of time steps [s]."""
+def _with_rate_of_own(options: Serve, library: GaitLibrary) -> Serve:
+    """Refuse a rate that the simulation of the own model cannot keep."""
+    if options.rate is None or options.own_model is None:
+        return options
+    step_s = _own_step_s(_path(options.own_model) or "", library)
+    return replace(options, rate=_exact_rate(options.rate, step_s))
+
+
+def _exact_rate(rate_hz: float, step_s: float) -> float:
+    """Return the rate whose period is a whole number of time steps [s].
+
+    Raises:
+        CommandError: it is another one than was asked for.
+    """
     steps = 1.0 / (rate_hz * step_s)
+    whole = max(1, round(steps))
+    if math.isclose(steps, whole, rel_tol=SAME_PERIOD):
+        return 1.0 / (whole * step_s)
     near = max(1, math.floor(steps)), max(1, math.ceil(steps))
-    if not math.isclose(steps, max(1, round(steps))):
-        would = " or ".join(f"{1.0 / (n * step_s):.7g}" for n in dict.fromkeys(near))
-        raise CommandError(
-            f"--rate {rate_hz:g}: a control period in simulation is a whole number of "
-            f"time steps of {1e3 * step_s:g} ms; {would} Hz would do"
-        )
+    limits = declared(Serve, Limits)["rate"]
+    rates = [rate for n in dict.fromkeys(near) if limits.hold(rate := 1 / (n * step_s))]
+    would = " or ".join(f"{rate:.7g}" for rate in rates)
+    raise CommandError(
+        f"--rate {rate_hz:.7g}: a control period in simulation is a whole number of "
+        f"time steps of {1e3 * step_s:g} ms; {would} Hz would do"
+    )
 
 
 def _secret(options: Serve) -> tuple[str, str]:

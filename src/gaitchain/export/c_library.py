@@ -23,6 +23,7 @@ from gaitchain.export.c_literals import literal
 from gaitchain.export.c_types import REAL, Array
 from gaitchain.export.program import Program
 from gaitchain.export.tables import constants, tables
+from gaitchain.gait.command_range import inward
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.stride.family import STRIDES
 from gaitchain.gait.stride.strides import StridePoses
@@ -128,7 +129,7 @@ def _facts(library: GaitLibrary, walk: WalkController) -> dict[str, str]:
         "version": version("gaitchain"),
         "joints": str(len(walk.stand)),
         "rest_s": literal(StrideGait.rest_s),
-        "most_crouch": f"{span.crouch[0]:.3f}",
+        "most_crouch": f"{inward(span.crouch[0]):.3f}",
         "held": _held(robot.legs.held),
     }
     for axis, (least, most) in zip(("vx", "vy", "yaw"), span.limits, strict=True):

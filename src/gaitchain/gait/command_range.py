@@ -141,7 +141,10 @@ class CommandRange:
             return 0.0, f"crouch {asked:g} m is not 0 or more: 0"
         if self.crouch[0] == 0.0:
             return 0.0, f"crouch {asked:g} m: this library does not crouch"
-        return most, f"crouch {asked:g} m: the legs leave {most:.3f} m at this speed"
+        return (
+            most,
+            f"crouch {asked:g} m: the legs leave {inward(most):.3f} m at this speed",
+        )
 
     def _clamp_motion(self, command: Command) -> tuple[Command, str]:
         asked = command.motion
@@ -202,7 +205,7 @@ class CommandRange:
         most = self.crouch[0]
         if crouch == 0.0 or 0.0 < crouch <= most + _ROUND * (most > 0.0):
             return
-        can = f"goes 0 to {_inward(most):.3f} m lower, less at speed"
+        can = f"goes 0 to {inward(most):.3f} m lower, less at speed"
         what = can if most else "does not crouch: give 0"
         raise CommandError(f"crouch {crouch:g} m: this library {what}")
 
@@ -254,10 +257,11 @@ def _refusal(value: float, low: float, high: float, unit: str) -> CommandError:
 def _walked(low: float, high: float, unit: str) -> str:
     """Return an axis' ends, rounded inward, so that they are valid commands."""
     least = math.ceil(1000.0 * low - 1e-6) / 1000.0
-    return f"{least:.3f} to {_inward(high):.3f} {unit}"
+    return f"{least:.3f} to {inward(high):.3f} {unit}"
 
 
-def _inward(most: float) -> float:
+def inward(most: float) -> float:
+    """Return an upper limit with three digits, so that it is accepted itself."""
     return math.floor(1000.0 * most + 1e-6) / 1000.0
 
 

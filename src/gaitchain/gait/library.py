@@ -14,7 +14,7 @@ from gaitchain.chain.policy import cost_to_go, look_ahead
 from gaitchain.chain.recovery import Recovery
 from gaitchain.errors import LibraryError
 from gaitchain.gait.build_config import BuildConfig
-from gaitchain.gait.command_range import CommandRange
+from gaitchain.gait.command_range import CommandRange, inward
 from gaitchain.gait.families import family_of, family_of_kind
 from gaitchain.gait.family import STAND, GaitFamily, GaitPoses
 from gaitchain.gait.motion import Timing
@@ -191,11 +191,12 @@ class GaitLibrary:
             *self.family.describe(self.poses, self.timing, gaits),
             ("speed ahead", f"{low:.3f} to {high:.3f} m/s"),
         ]
+        deepest, fast = map(inward, span.crouch)
         other = [
             ("backward", _up_to(-span.vx[0], ".3f", "m/s")),
             ("sideways", _either_way(span.vy, ".3f", "m/s")),
             ("turning", _either_way(span.yaw_rate, ".2f", "rad/s")),
-            ("crouch", "{:.3f} m, at full speed {:.3f} m lower".format(*span.crouch)),
+            ("crouch", f"{deepest:.3f} m, at full speed {fast:.3f} m lower"),
         ]
         rows += other if any(map(any, span.ends[1:])) else []
         return rows if self.recovery is None else [*rows, self.recovery.describe()]

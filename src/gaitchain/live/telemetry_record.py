@@ -1,15 +1,17 @@
 """From telemetry to a walk's record: what led to a fall in the loop, and is judged."""
 
 import math
+import re
 from collections import deque
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from itertools import groupby, pairwise
 
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.recorder import Recorder, WalkSample
 from gaitchain.errors import CommandError, RecordError
 from gaitchain.gait.motion import Timing
-from gaitchain.live.messages import Choice, Telemetry
+from gaitchain.live.messages import Choice, Mode, Telemetry
 from gaitchain.messages import Command, PanelMessage
 from gaitchain.robot.robot import Robot
 from gaitchain.walker.generator import Decision
@@ -17,6 +19,8 @@ from gaitchain.walker.generator import Decision
 LONGEST_S = 60.0
 """So much before a fall is looked at [s]."""
 _FROM_OUTSIDE = ("push", "world")  # kinds of events that disturb the robot
+_LIMP = (Mode.OFF, Mode.STOPPED, Mode.GETTING_UP)  # no rule is for these
+_PLAIN = re.compile(r"\w+ to \w+")  # a change of mode without a reason, as to walk
 _OF_SWING = ("sway", "outward")
 _OF_MOVE = ("hip_x", "hip_height", "turn")
 
@@ -71,7 +75,9 @@ def record_of(
 ) -> WalkRecord:
     """Build a walk's record from the loop's telemetry, up to the last fall.
 
-    It begins after the fall before that, if there is one; without a fall all is in it.
+    It begins after the fall before that, and where the robot rose last: who was limp,
+    or was put back on its feet, was moved by others. Without a fall all since then is
+    in it up to where the robot went limp. What stopped and reset it is noted.
     In simulation the rows with the simulator's truth count. Of a real robot all rows
     do, and what it did not measure is NaN; without the loads on its feet its support
     is "stand" throughout, so that no touch-down is judged.
@@ -87,29 +93,55 @@ def record_of(
         The record.
 
     Raises:
-        RecordError: there are fewer than two rows before the fall, they are of another
-            robot, or their times do not rise.
+        RecordError: there are fewer than two rows before the fall in which the robot
+            had torque, they are of another robot, or their times do not rise.
     """
     all_rows, fall = _up_to_fall(list(telemetries))
-    walked = all_rows[: None if fall is None else -1]
-    rows = [t for t in walked if t.truth is not None] or walked
+    before = all_rows[: None if fall is None else -1]
+    rows = _upright([t for t in before if t.truth is not None] or before)
     _check(robot, rows)
     zero_s = rows[0].time_s if since_s is None else since_s
     recorder = Recorder(robot, gait=gait)
     for t in rows:
         recorder.add(_sample_of(t, zero_s))
-    return recorder.record(
+    record = recorder.record(
         step_ticks=_step_ticks(rows),
         fell_at_s=None if fall is None else fall.time_s - zero_s,
         timing=timing,
-        events=tuple(
-            (event.time_s - zero_s, event.text)
-            for t in all_rows
-            for event in t.events
-            if event.kind in _FROM_OUTSIDE
-        ),
+        events=_events(all_rows, _FROM_OUTSIDE, zero_s),
         commands=_commands(rows, zero_s),
     )
+    noted = _events(before, ("mode",), zero_s)
+    notes = tuple(note for note in noted if not _PLAIN.fullmatch(note[1]))
+    return replace(record, notes=notes)
+
+
+def _events(
+    rows: Sequence[Telemetry], kinds: Sequence[str], zero_s: float
+) -> tuple[tuple[float, str], ...]:
+    return tuple(
+        (event.time_s - zero_s, event.text)
+        for t in rows
+        for event in t.events
+        if event.kind in kinds
+    )
+
+
+def _upright(rows: Sequence[Telemetry]) -> list[Telemetry]:
+    """Return the last rows with torque, since the robot rose.
+
+    Of the last few periods of a log, too few for a record, nothing could be said.
+    """
+    runs: list[list[Telemetry]] = [[]]
+    before = Mode.OFF
+    for t in rows:
+        rose = t.mode is Mode.RISING and before is not Mode.RISING
+        if t.mode not in _LIMP:
+            if rose or before in _LIMP:
+                runs.append([])
+            runs[-1].append(t)
+        before = t.mode
+    return next((run for run in reversed(runs) if len(run) > 1), runs[-1])
 
 
 def _sample_of(t: Telemetry, zero_s: float) -> WalkSample:
@@ -143,7 +175,9 @@ def _up_to_fall(rows: list[Telemetry]) -> tuple[list[Telemetry], Telemetry | Non
 
 def _check(robot: Robot, rows: Sequence[Telemetry]) -> None:
     if len(rows) < 2:
-        raise RecordError(f"telemetry of {len(rows)} rows up to a fall; give 2 or more")
+        raise RecordError(
+            f"telemetry of {len(rows)} rows with torque up to a fall; give 2 or more"
+        )
     joints = len(robot.legs.joint_names)
     for t in rows:
         arrays = t.joint_position, t.joint_velocity, t.joint_target, t.joint_torque

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitchain.errors import LibraryError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.messages import CONTROL_PERIOD_S, Command
@@ -18,10 +19,14 @@ def open_library(library: GaitLibrary | str | Path | None) -> GaitLibrary:
     """Return a library, given as such or as its file; None is RES's of the package.
 
     Raises:
-        LibraryError: the file cannot be read.
+        LibraryError: it is none of these, or the file cannot be read.
     """
     if isinstance(library, GaitLibrary):
         return library
+    if not isinstance(library, str | Path | None):
+        raise LibraryError(
+            f"library {library!r}: give a GaitLibrary, the path of one, or None for RES"
+        )
     shipped = Path(str(files("gaitchain"))) / "data" / "res.gait"
     return load_library(shipped if library is None else Path(library))
 

@@ -8,6 +8,7 @@ a slow reader misses messages, and parts may connect and disconnect at any time.
 import os
 import socket
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -37,6 +38,7 @@ _BACKLOG = 1000  # messages; more are dropped
 # What neither moves a robot nor turns its torque on.
 _HARMLESS = EmergencyStop | Stop | LetGo | Note | Recall | Play | Shutdown
 _TELEMETRY, _REQUESTS, _EMERGENCY = "telemetry", "requests", "emergency"
+_LOG = b"the log"  # what it subscribes to beside all telemetry, so that it is known
 
 
 def address(folder: Path, name: str) -> str:
@@ -100,7 +102,7 @@ class _End:
         opened.set_hwm(_BACKLOG)
         for option, value in {zmq.LINGER: self._linger_ms, **(options or {})}.items():
             opened.setsockopt(option, value)
-        binds = kind in (zmq.PUB, zmq.PULL)
+        binds = kind in (zmq.XPUB, zmq.PULL)
         if not _has_sockets(self._folder):
             _secure(opened, self._folder, binds=binds)
         (opened.bind if binds else opened.connect)(address(self._folder, name))
@@ -117,11 +119,27 @@ class LoopEnd(_End):
     def __init__(self, folder: Path) -> None:
         """Bind the channels in a folder."""
         super().__init__(folder)
-        self._telemetry = self._open(zmq.PUB, _TELEMETRY)
+        self._telemetry = self._open(zmq.XPUB, _TELEMETRY)
         self._requests = self._open(zmq.PULL, _REQUESTS)
         self._emergency = self._open(zmq.PULL, _EMERGENCY)
         self._pulse = Pulse(folder)
         self._held = self._pulse.held
+
+    def await_log(self, most_s: float) -> bool:
+        """Wait until the log listens, before the first telemetry, and only then.
+
+        Args:
+            most_s: at most so long [s].
+
+        Returns:
+            Whether it does.
+        """
+        until_s = time.monotonic() + most_s
+        while (left_s := until_s - time.monotonic()) > 0.0:
+            heard = self._telemetry.poll(round(1000 * left_s))
+            if heard and self._telemetry.recv() == b"\x01" + _LOG:
+                return True
+        return False
 
     def publish(self, telemetry: Telemetry) -> None:
         """Send telemetry to whoever listens; remember what only a reset may end."""
@@ -175,19 +193,27 @@ class Listener(_End):
     """Reads telemetry: every message, or only the latest one."""
 
     def __init__(
-        self, folder: Path, *, latest: bool = False, backlog: int = _BACKLOG
+        self,
+        folder: Path,
+        *,
+        latest: bool = False,
+        logs: bool = False,
+        backlog: int = _BACKLOG,
     ) -> None:
         """Connect.
 
         Args:
             folder: of the channels.
             latest: keep the newest message alone.
+            logs: be the one for whom a loop waits that begins (`LoopEnd.await_log`).
             backlog: messages that wait for a reader that is held up; more are dropped.
         """
         super().__init__(folder)
         options: dict[int, int] = {zmq.CONFLATE: int(latest), zmq.RCVHWM: backlog}
         self._socket = self._open(zmq.SUB, _TELEMETRY, options)
         self._socket.subscribe(b"")
+        if logs:
+            self._socket.subscribe(_LOG)
 
     def next(self, timeout_s: float) -> Telemetry | None:
         """Wait for the next telemetry; None if none came in time."""

@@ -43,7 +43,7 @@ def run(folder: Path, ended: threading.Event) -> None:
     library, path = load_library(settings.library), Path(settings.log)
     room = Room(round(1e6 * settings.log_mb), settings.log_files)
     with (
-        closing(Listener(folder, backlog=_BACKLOG)) as listener,
+        closing(Listener(folder, logs=True, backlog=_BACKLOG)) as listener,
         closing(Asker(folder)) as asker,
         closing(_Notes(asker)) as notes,
         closing(part_pulse(folder, "log")) as pulse,

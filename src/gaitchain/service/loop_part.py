@@ -24,6 +24,8 @@ from gaitchain.service.robots import OpenedRobot, open_riser, open_robot
 from gaitchain.service.settings import Settings, load_settings
 from gaitchain.walker.walker import Walker
 
+_LOG_S = 1.0  # a log that cannot be had so soon misses the first rows, and counts them
+
 
 def run(folder: Path, ended: threading.Event) -> None:
     """Drive the robot until the end of the service; it stops walking first.
@@ -31,8 +33,11 @@ def run(folder: Path, ended: threading.Event) -> None:
     Raises:
         GaitchainError: the library, the robot or its calibration does not do.
     """
-    loop, port = make_loop(load_settings(folder), folder, begin=_go_first)
+    settings = load_settings(folder)
+    loop, port = make_loop(settings, folder, begin=_go_first)
     with contextlib.closing(port):
+        if settings.log is not None:
+            port.await_log(_LOG_S)
         loop.run(ended)
 
 

@@ -15,6 +15,8 @@ from typing import Annotated, Literal, NamedTuple, get_args
 from gaitchain.errors import CommandError
 from gaitchain.gait.limits import Limits, check_numbers, declared
 
+SAME_PERIOD = 1e-6
+"""Periods that differ by less are one: a rate of 83.33333 Hz has seven digits."""
 _PLANNED_S = Limits(0.0, 1e6)  # times of a world's pushes
 Span = tuple[float, float]
 """Lower and upper bound."""

@@ -5,7 +5,10 @@ Ours. A foot's place is that of its ankle on the floor, in the frame of `Walker.
 
 import math
 from collections.abc import Mapping, Sequence
+from numbers import Real
 from typing import NamedTuple
+
+import numpy as np
 
 from gaitchain.errors import CommandError
 from gaitchain.gait.family import STAND
@@ -66,10 +69,12 @@ def check_footsteps(
         stance: distance of the ankles side by side [m].
 
     Raises:
-        CommandError: a step is not by the other foot than the one before, or no stride
+        CommandError: one is no footstep, or not by the other foot than the one before,
+            or no stride
             that physics passed lands there after the step before; the message names
             the step, and the nearest landing.
     """
+    _check_kinds(steps)
     if not steps:
         raise CommandError("no footstep to follow; give at least one")
     placed, pose = dict(feet), STAND
@@ -89,6 +94,20 @@ def check_footsteps(
         if not generator.is_near(wanted, made):
             raise CommandError(_refusal(number, step, wanted, made))
         placed[step.side], pose = step.place, target
+
+
+def _check_kinds(steps: object) -> None:
+    """Refuse what are no footsteps; the numbers may still be infinite."""
+    if not isinstance(steps, Sequence):
+        raise CommandError(f"footsteps {steps!r}: give a list of Footstep")
+    for number, step in enumerate(steps, start=1):
+        such = "give one such as Footstep(left=True, x=0.05, y=0.1)"
+        if not isinstance(step, Footstep):
+            raise CommandError(f"footstep {number}: {step!r} is none; {such}")
+        if not isinstance(step.left, bool | np.bool_):
+            raise CommandError(f"footstep {number}: left is {step.left!r}; {such}")
+        if not all(isinstance(part, Real) for part in step.place):
+            raise CommandError(f"footstep {number}: {step} has no numbers; {such}")
 
 
 def _refusal(number: int, step: Footstep, wanted: Landing, made: Landing) -> str:

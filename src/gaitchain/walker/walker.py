@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from numbers import Real
 from pathlib import Path
 from typing import Any, get_args
 
@@ -165,7 +166,11 @@ class Walker:
 
         Returns:
             The command after clamping; if it was changed, `note` gives the reason.
+
+        Raises:
+            CommandError: it is no command, or one without numbers.
         """
+        _check_command(command)
         self._way = None
         return self.gait.command(command)
 
@@ -175,8 +180,12 @@ class Walker:
         A stop that is followed by another command is stood on for the time of a step.
 
         Raises:
-            CommandError: `commands` is empty.
+            CommandError: `commands` is empty, or one of them is no command.
         """
+        if not isinstance(commands, Sequence):
+            raise CommandError(f"commands {commands!r}: give a list of Command")
+        for command in commands:
+            _check_command(command)
         self.gait.follow(commands)
         self._way = None
 
@@ -203,6 +212,9 @@ class Walker:
                 "go_to: key poses do not measure where the robot is; it needs a "
                 "library of strides, as preset 'brisk' builds"
             )
+        _check_command(Command(crouch=crouch))
+        if not isinstance(near, Near | None):
+            raise CommandError(f"near {near!r}: give Near(distance, turn), or None")
         way = Way.of(self.library, goal, near, crouch)
         check_way(here, goal, self.command_range, way.near)
         self._way = way
@@ -388,6 +400,16 @@ class Walker:
     def standing(self) -> bool:
         """Whether the robot stands still with its feet side by side."""
         return self.gait.standing
+
+
+def _check_command(command: object) -> None:
+    """Refuse what no walk can be asked for; NaN is a number, and stops."""
+    such = "give one such as Command(vx=0.2)"
+    if not isinstance(command, Command):
+        raise CommandError(f"{command!r} is no command; {such}")
+    for name, value in vars(command).items():
+        if not isinstance(value, Real):
+            raise CommandError(f"{name} is {value!r}, no number; {such}")
 
 
 def _check_policy(policy: str) -> None:

@@ -6,6 +6,7 @@ camera or map is needed, and what is measured wrong adds up.
 
 import math
 from dataclasses import replace
+from numbers import Real
 from typing import NamedTuple, Self
 
 from gaitchain.errors import CommandError
@@ -63,9 +64,11 @@ def check_place(place: Place, name: str = "goal") -> None:
         name: what it is, for the message.
 
     Raises:
-        CommandError: it is not finite, or further than 1 km away.
+        CommandError: it is none, not finite, or further than 1 km away.
     """
-    if not all(abs(number) <= _FURTHEST_M for number in place):
+    if not isinstance(place, Place):
+        raise CommandError(f"{name} {place!r}: give a Place, such as Place(1.0, 0.5)")
+    if not all(isinstance(n, Real) and abs(n) <= _FURTHEST_M for n in place):
         raise CommandError(
             f"{name} {tuple(place)}: x, y and yaw must be numbers within "
             f"+-{_FURTHEST_M:g} m and rad"

@@ -6,25 +6,34 @@ from gaitchain.live.messages import Telemetry
 class Gaps:
     """Counts what is missing between the rows that come."""
 
-    def __init__(self) -> None:
-        """Nothing has come."""
+    def __init__(self, after: int | None = 0) -> None:
+        """Nothing has come.
+
+        Args:
+            after: number of the row before the first one that comes, 0 where the loop's
+                first is to come; None where nobody knows, and that one misses none.
+        """
         self.lost = self.gaps = 0
         """Rows that are missing, and how often some are."""
         self.longest_s = 0.0
-        self._number, self._time_s = 0, 0.0
+        self.number = after
+        """Of the latest row."""
 
     def take(self, telemetry: Telemetry) -> int:
         """Take the next row; return how many are missing before it.
 
-        Rows of a log from before they had numbers miss none, and a loop that was
-        started again counts from 1 again.
+        Rows of a log from before they had numbers miss none. A loop that was started
+        again counts from 1 again.
         """
-        number, time_s = telemetry.number, telemetry.time_s
-        missing = number - self._number - 1 if self._number and number else 0
+        before, self.number = self.number, telemetry.number
+        if before is None or not telemetry.number:
+            return 0
+        anew = telemetry.number <= before
+        missing = telemetry.number - 1 - (0 if anew else before)
         if missing > 0:
             self.lost, self.gaps = self.lost + missing, self.gaps + 1
-            self.longest_s = max(self.longest_s, time_s - self._time_s)
-        self._number, self._time_s = number, time_s
+            missed_s = missing * telemetry.pace.period_s
+            self.longest_s = max(self.longest_s, missed_s)
         return max(missing, 0)
 
     @property

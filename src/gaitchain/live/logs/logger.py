@@ -15,6 +15,7 @@ import msgspec
 
 from gaitchain.errors import LogError
 from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.whole_file import replace_file
 from gaitchain.live.logs.gaps import Gaps
 from gaitchain.live.logs.writer import LogFile
 from gaitchain.live.messages import Telemetry
@@ -59,6 +60,8 @@ class _Ledger(msgspec.Struct):
     """Of the latest one."""
     files: list[str] = []
     """Those that are still there, oldest first."""
+    row: int | None = None
+    """Number of the loop's row that was put on the disk last."""
 
 
 def _read_ledger(path: Path | None) -> _Ledger:
@@ -98,9 +101,9 @@ class Logger:
         self._path, self._library, self._report, self._now = path, library, report, now
         self._file: LogFile | None = None
         self._room, self._ledger = room or Room(), ledger
-        self._gaps, self._said, self._say_s = Gaps(), 0, now()
-        self._failed = False
+        self._said, self._say_s, self._failed = 0, now(), False
         before = _read_ledger(ledger)
+        self._gaps = Gaps(before.row if before.files else 0)
         self._number, self._written = before.number, deque(map(Path, before.files))
         self._due_s = self._again_s = now()
         self._open()
@@ -112,12 +115,12 @@ class Logger:
 
     def write(self, telemetry: Telemetry) -> None:
         """Add a row, as far as it can be written."""
+        if self._file is None and self._now() >= self._again_s:
+            self._open()
         self._gaps.take(telemetry)
         if self._gaps.lost > self._said and self._now() >= self._say_s:
             self._said, self._say_s = self._gaps.lost, self._now() + SAID_S
             self._report(self._gaps.in_words)
-        if self._file is None and self._now() >= self._again_s:
-            self._open()
         if self._file is not None:
             try:
                 self._file.write(telemetry)
@@ -133,6 +136,8 @@ class Logger:
             self._file.sync()
         except LogError as error:
             self._leave(error)
+        else:
+            self._note_files()
         self._due_s = self._now() + SYNC_S
         if self._file is not None and self._file.size >= self._room.file_bytes:
             self.close()
@@ -149,7 +154,7 @@ class Logger:
 
     def _open(self) -> None:
         try:
-            self._file = LogFile(self._free(), self._library)
+            self._file = LogFile(self._free(), self._library, self._gaps.number)
         except LogError as error:
             self._number -= 1
             self._leave(error)
@@ -165,11 +170,12 @@ class Logger:
             self._report(f"the log goes on in {self._file.path}")
 
     def _note_files(self) -> None:
-        """Note the log's files for a logger that is started again."""
+        """Note files and latest row for a logger that is started again."""
         if self._ledger is not None:
-            noted = _Ledger(self._number, [str(path) for path in self._written])
+            files = [str(path) for path in self._written]
+            noted = _Ledger(self._number, files, self._gaps.number)
             with suppress(OSError):  # the log itself is what matters
-                self._ledger.write_bytes(msgspec.json.encode(noted))
+                replace_file(self._ledger, msgspec.json.encode(noted))
 
     def _free(self) -> Path:
         """Return the path, or the next with a number that is not there yet."""

@@ -59,7 +59,9 @@ class Log:
         self.damage = ""
         """What the latest whole pass missed in it, in words; empty if nothing."""
         self.lost = 0
-        """Rows of the loop that are not in it, between those that are."""
+        """Rows of the loop that are not in it: before its first and between others."""
+        before = facts.get(writer.ROW_BEFORE, "")
+        self._row_before = int(before) if before.isdecimal() else None
         channel = facts.get(writer.CHANNEL, "")
         # Kept, as who begins in the middle may not come by their descriptions.
         self._channels = {int(channel)} if channel.isdecimal() else set[int]()
@@ -88,7 +90,7 @@ class Log:
         """
         self.rows, begins = mark.rows, mark.place
         ended, damaged, unread = False, 0, 0
-        gaps, joints = Gaps(), len(self.library.robot.legs.joint_names)
+        gaps, joints = Gaps(self._row_before), len(self.library.robot.legs.joint_names)
         with _opened(self.path) as file:
             file.seek(mark.place)
             for record in _records(file):

@@ -30,6 +30,8 @@ CHANNEL = "telemetry_channel"
 """The fact by which telemetry is found where the description of channels is lost."""
 LOST = "rows_lost"
 """Name of the metadata at the end: how many rows of the loop never came."""
+ROW_BEFORE = "row_before"
+"""The fact that says which row of the loop came before the file's first one."""
 SCHEMA, TYPED_TROUBLE = "schema", "2"
 """The fact that telemetry has a typed trouble; logs from before lack it."""
 _CHUNK = 4 << 20  # bytes; `sync` ends a chunk long before
@@ -40,12 +42,16 @@ _LATEST_NS = 2**63 - 1
 class LogFile:
     """One MCAP file, from its library to its end."""
 
-    def __init__(self, path: Path, library: GaitLibrary) -> None:
+    def __init__(
+        self, path: Path, library: GaitLibrary, row_before: int | None = None
+    ) -> None:
         """Begin a new file with all that is needed to understand it.
 
         Args:
             path: the file; one that is there is left alone.
             library: what is walked.
+            row_before: number of the loop's row before the first one here, 0 before the
+                loop's first; None where nobody knows.
 
         Raises:
             LogError: the file is there already, or cannot be written.
@@ -59,7 +65,7 @@ class LogFile:
         try:
             with self._writing():
                 _want_room(self._stream.fileno())
-                self._begin(library)
+                self._begin(library, row_before)
             self.sync()
         except LogError:
             self.abandon()
@@ -120,7 +126,7 @@ class LogFile:
     def _writing(self) -> AbstractContextManager[None]:
         return file_errors(self.path, "written", LogError)
 
-    def _begin(self, library: GaitLibrary) -> None:
+    def _begin(self, library: GaitLibrary, row_before: int | None) -> None:
         self._writer: Any = Writer(  # not all of it is typed
             self._stream, chunk_size=_CHUNK, compression=CompressionType.ZSTD
         )
@@ -148,6 +154,8 @@ class LogFile:
             "fingerprint": library.robot.fingerprint,
             CHANNEL: str(self._channels[TELEMETRY]),
         }
+        if row_before is not None:
+            facts[ROW_BEFORE] = str(row_before)
         self._writer.add_metadata(FACTS, facts)
         data = library_bytes(library)
         self._writer.add_attachment(0, 0, LIBRARY, "application/octet-stream", data)

@@ -1,9 +1,7 @@
 // The slider that lowers the hips; it stays where it is put until the wheel is let go.
 
 import { fill } from "./sliders.js";
-import { fixed, say } from "./words.js";
-
-const DIGITS = 3; // mm
+import { inward, say } from "./words.js";
 
 /** Shows how low the driver wants the hips, and asks for it when moved. */
 export class Crouch {
@@ -25,8 +23,8 @@ export class Crouch {
     this.most = most > 0 ? most : 0;
     this.input.disabled = this.most === 0;
     const none = "this library does not crouch";
-    say(this.ends[0], this.most ? `at full speed ${fixed(fast, DIGITS)}` : none);
-    say(this.ends[1], this.most ? `most ${fixed(most, DIGITS)}` : "");
+    say(this.ends[0], this.most ? `at full speed ${inward(fast)}` : none);
+    say(this.ends[1], this.most ? `most ${inward(most)}` : "");
     this.hear({ crouch: { asked: 0, done: 0 } });
   }
 
@@ -37,7 +35,7 @@ export class Crouch {
     if (!this.wheel.wanted) this.wheel.crouch = part;
     this.input.value = String(this.wheel.crouch);
     fill(this.input, 0);
-    const words = `${fixed(asked, DIGITS)} m`;
+    const words = `${inward(asked)} m`;
     say(this.output, words);
     this.input.setAttribute("aria-valuetext", words);
   }

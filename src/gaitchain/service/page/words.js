@@ -47,6 +47,11 @@ export function fixed(value, digits = 2) {
   return Number(text) === 0 ? (0).toFixed(digits) : text.replace("-", "−");
 }
 
+/** Format how low hips are; a limit is not rounded up, so that it is accepted itself. */
+export function inward(metres) {
+  return fixed(Math.floor(1000 * metres + 1e-6) / 1000, 3);
+}
+
 /** Format a number with as few digits as say it. */
 export function short(value) {
   return String(Number(value.toPrecision(4)));
@@ -70,7 +75,7 @@ export function primitivesText(primitives) {
 
 /** Format a command: its speeds in the order vx, vy, yaw rate, and a crouch if any. */
 export function commandText([vx, vy, yaw], crouch) {
-  const low = crouch > 0 ? `, ${fixed(crouch, 3)} m lower` : "";
+  const low = crouch > 0 ? `, ${inward(crouch)} m lower` : "";
   return `${fixed(vx)}, ${fixed(vy)} m/s, ${fixed(yaw)} rad/s${low}`;
 }
 
