@@ -73,7 +73,7 @@ def test_an_undisturbed_walk_stays_below_the_usual_errors(part):
     training = STRIDE_BUILD.training_worlds(LIBRARY.poses, 150.0).but(push_ns=0.0)
     worst, _, usual, _ = walked_in(training.sound(), command)
     assert np.mean(worst <= usual) >= 0.9
-    assert np.median(worst / usual) > 0.4
+    assert np.quantile(worst / usual, 0.9) > 0.65, "what 19 of 20 steps stay below"
     worst, slip, usual, usual_slip = walked_in(training, command)
     off = np.maximum((worst - usual) / LEG, AHEAD * (slip - usual_slip))
     assert np.mean(off <= 0.0) < 0.9, "faults make errors that are not usual"
@@ -83,7 +83,8 @@ def test_an_undisturbed_walk_stays_below_the_usual_errors(part):
 
 def test_feet_slip_more_than_usual_on_a_slippery_floor():
     command = Command(LIBRARY.command_range.vx[1])
-    _, slip, _, usual = walked_errors(command, replace(NEAR, friction=0.3))
+    worlds = [replace(NEAR, friction=0.4, seed=seed) for seed in range(5, 9)]
+    _, slip, _, usual = np.hstack([walked_errors(command, w) for w in worlds])
     assert np.mean(slip > usual) > 0.5
 
 

@@ -31,7 +31,7 @@ from gaitchain.proof.proof_walks import (
     mild_cells,
     seed_of,
 )
-from gaitchain.robot.identified import Identified
+from gaitchain.robot.identified import Identified, unsure_numbers
 
 WORDS = ["--bound", "0.05", "--seconds", "3", "--workers", "1"]
 
@@ -161,8 +161,9 @@ def test_a_report_of_an_identified_robot_has_what_was_identified(proven, tmp_pat
     gain[3] = 0.777
     play = np.where(np.arange(len(gain)) == 3, 1.25, 0.5)
     count = len(gain)
-    sd = np.concatenate([np.full(count, 0.061), np.zeros(count), np.full(3, 0.0042)])
-    unknown = np.diag([*sd, *np.zeros(3)])
+    sd = np.zeros(unsure_numbers(count))
+    sd[:count], sd[2 * count : 2 * count + 3] = 0.061, 0.0042
+    unknown = np.diag(sd)
     found = replace(plain, gain=gain, delay_s=0.0123, unknown=unknown)
     found = replace(found, backlash_deg=play, trunk_mass=1.08, imu_delay_s=0.0071)
     poses = replace(library.poses, robot=library.robot.as_identified(found))

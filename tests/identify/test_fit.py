@@ -56,10 +56,9 @@ def swung():
 @pytest.fixture(scope="module")
 def found(swung):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(fit._SEARCHES, "held", 7)
+        patch.setitem(fit._SEARCHES, "held", 8)
         patch.setattr(fit, "_EXPLAINED", np.inf)  # of so few rounds
         patch.setattr(fit, "_NEAR", (Round(0.1, 0.4),))
-        patch.setattr(fit, "_REPLAYS", 72)
         return fit_logs(RES, [swung], 1, quiet)
 
 

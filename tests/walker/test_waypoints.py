@@ -184,7 +184,8 @@ def test_where_it_would_stand_is_where_it_stands_when_told(brisk):
 
 
 @pytest.mark.parametrize("goal", [Place(0.5), Place(-0.5), Place(0.0, 0.4)])
-def test_it_hardly_goes_beyond_its_goal(brisk, goal):
+def test_it_goes_less_than_half_a_step_beyond_its_goal(brisk, goal):
+    """The middle of the feet moves by half of what one foot steps."""
     walker, backend = Walker(brisk), MujocoBackend(brisk.robot)
     walker.go_to(goal)
     far, ticks = 0.0, 0
@@ -195,7 +196,8 @@ def test_it_hardly_goes_beyond_its_goal(brisk, goal):
         along = (x * goal.x + y * goal.y) / math.hypot(goal.x, goal.y)
         far, ticks = max(far, along - math.hypot(goal.x, goal.y)), ticks + 1
     assert walker.arrived
-    assert far < 0.06
+    axis = int(goal.y != 0.0)
+    assert far < 0.5 * np.abs(brisk.poses.strides[:, axis]).max()
     assert walker.gait.steps < 25
 
 
