@@ -41,7 +41,8 @@ two cores if no other number is said. [Results](results.md) have more.
 Not here: four URDFs of example-robot-data, built and measured with a code of before,
 are in the [results](results.md#other-files); of the Menagerie's humanoids
 apptronik_apollo, fourier_n1, pndbotics_adam_lite, toddlerbot_2xc and toddlerbot_2xm
-were not at hand. `gaitchain build NAME` downloads them, this page's command too.
+were not at hand. `gaitchain build NAME -o NAME.gait` downloads them, this page's
+command too.
 
 {begins}
 

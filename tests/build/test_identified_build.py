@@ -13,12 +13,13 @@ from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library_file import load_library, save_library
 from gaitchain.robot.box_robot import load_box_robot
-from gaitchain.robot.identified import Identified
+from gaitchain.robot.identified import Identified, unsure_numbers
 from gaitchain.sim.robot_faults import likely_robot
 from gaitchain.sim.world_range import WorldRange
 
 RES = load_box_robot("res")
-MINE = RES.as_identified(replace(Identified.of_file(12), unknown=0.02 * np.eye(30)))
+COUNT = unsure_numbers(12)
+MINE = RES.as_identified(replace(Identified.of_file(12), unknown=0.02 * np.eye(COUNT)))
 
 
 @pytest.fixture
