@@ -9,7 +9,8 @@ from toy_file import toy
 from verdicts import PASSED
 
 from gaitchain.backends.model import ModelBackend
-from gaitchain.build.own_model import describe_own_model, own_model
+from gaitchain.build.own_model import own_model
+from gaitchain.build.own_trials import describe_own_model
 from gaitchain.errors import CommandError
 from gaitchain.gait.qualification import OwnReport, Qualification
 from gaitchain.sim.world import World

@@ -11,7 +11,7 @@ from small_build import SMALLEST, few_steady_walks
 
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.grid import DYNAMIC_GRID, GridJob, grid_world
-from gaitchain.build.own_model import run_own_trials
+from gaitchain.build.own_trials import run_own_trials
 from gaitchain.build.pipeline import build_library
 from gaitchain.build.stride import STRIDE_BUILD
 from gaitchain.build.trial import Trial, run_trials

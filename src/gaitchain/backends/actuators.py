@@ -9,6 +9,8 @@ import numpy as np
 from gaitchain.errors import CommandError
 from gaitchain.messages import Array
 
+BY_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+"""Transmissions of actuators that drive one joint."""
 _STILL = int(mujoco.mjtDyn.mjDYN_NONE)
 _INTEGRATOR = int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
 _OF_SET_POINTS = tuple(
@@ -17,7 +19,6 @@ _OF_SET_POINTS = tuple(
 )
 _PID = int(mujoco.mjtGain.mjGAIN_PID)
 _FIXED, _AFFINE = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_AFFINE)
-_BY_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 _SAME = 1e-6
 # Of damping: a file may give it as a damping ratio, so that it goes with the errors of
 # the links.
@@ -47,7 +48,7 @@ class Servo(NamedTuple):
 def actuator_name(model: Any, actuator: int) -> str:
     """Return what messages call an actuator: its name, or that of what it drives."""
     name = str(model.actuator(actuator).name)
-    if not name and model.actuator_trntype[actuator] in _BY_JOINT:
+    if not name and model.actuator_trntype[actuator] in BY_JOINT:
         return f"of joint {model.joint(model.actuator_trnid[actuator, 0]).name!r}"
     return repr(name or actuator)
 

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from gaitchain.backends.actuators import (
+    BY_JOINT,
     Servo,
     joint_servo,
     joint_stiffness,
@@ -27,7 +28,6 @@ from gaitchain.sim.truth import FALL_HEIGHT, FALL_TILT
 _XBODY, _SITE = mujoco.mjtObj.mjOBJ_XBODY, mujoco.mjtObj.mjOBJ_SITE
 _IMU = (int(mujoco.mjtSensor.mjSENS_GYRO), int(mujoco.mjtSensor.mjSENS_ACCELEROMETER))
 _FREE, _HINGE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_HINGE)
-_BY_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 _PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
 _FAR = 10.0  # largest distance at which a floor is found below a foot [m]
 _HELD_DAMPING = 0.8  # damping ratio of joints outside the legs
@@ -395,7 +395,7 @@ def _actuators_of(
     found = [
         (actuator, joints.index(model.actuator_trnid[actuator, 0]))
         for actuator in range(model.nu)
-        if model.actuator_trntype[actuator] in _BY_JOINT
+        if model.actuator_trntype[actuator] in BY_JOINT
         and model.actuator_trnid[actuator, 0] in joints
     ]
     driven = {model.joint(joints[row]).name for _, row in found}

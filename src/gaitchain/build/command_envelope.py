@@ -10,7 +10,7 @@ from statistics import fmean
 from gaitchain.analysis.walk_metrics import RUN_IN_S
 from gaitchain.build import seed_banks
 from gaitchain.build.families import build_of
-from gaitchain.build.own_model import run_own_trials
+from gaitchain.build.own_trials import run_own_trials
 from gaitchain.build.seed_banks import SeedBank
 from gaitchain.build.trial import Trial, TrialRun, run_trials
 from gaitchain.build.workers import Crew, in_round

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gaitchain.build.command_envelope import hold_own, slow_weakest
-from gaitchain.build.own_model import describe_own_model, run_own_trials
+from gaitchain.build.own_trials import describe_own_model, run_own_trials
 from gaitchain.build.qualify import can_walk
 from gaitchain.build.seed_banks import GATE, OWN_GATE
 from gaitchain.build.trial import Trial, TrialRun, run_trials

@@ -8,7 +8,8 @@ from typing import Any
 
 from gaitchain.build.jobs import keeping
 from gaitchain.build.journal import Journal, code_digest
-from gaitchain.build.own_model import own_digest, own_fault
+from gaitchain.build.own_model import own_digest
+from gaitchain.build.own_trials import own_fault
 from gaitchain.build.pipeline import BuildReport, build_library
 from gaitchain.build.workers import available_cores
 from gaitchain.cli.cluster import check_address, on_backend

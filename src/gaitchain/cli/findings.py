@@ -6,7 +6,7 @@ from typing import Any
 import mujoco
 
 from gaitchain.analysis.zmp_error import STRIDE, zmp_error
-from gaitchain.build.own_model import own_fault
+from gaitchain.build.own_trials import own_fault
 from gaitchain.cli.console import check_picture, print_table, say
 from gaitchain.cli.legs import degrees, show_legs
 from gaitchain.discover.loaded_robot import LoadedRobot, load_with_findings

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gaitchain.build import trial as walks
-from gaitchain.build.own_model import run_own_trials
+from gaitchain.build.own_trials import run_own_trials
 from gaitchain.build.trial import TrialRun
 from gaitchain.cli.console import print_table, say, watched
 from gaitchain.cli.libraries import read_library

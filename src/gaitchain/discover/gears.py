@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
+from gaitchain.backends.actuators import BY_JOINT
 from gaitchain.discover.notes import Doubt
-from gaitchain.discover.ranges import BY_JOINT
 
 _EQ = mujoco.mjtEq
 _HINGE = mujoco.mjtJoint.mjJNT_HINGE

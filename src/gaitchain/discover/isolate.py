@@ -7,9 +7,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from gaitchain.backends.actuators import BY_JOINT
 from gaitchain.discover.gears import driven_by
 from gaitchain.discover.notes import Doubt, listed
-from gaitchain.discover.ranges import BY_JOINT
 from gaitchain.discover.trees import keep_one_tree
 from gaitchain.errors import RobotFileError
 from gaitchain.messages import GRAVITY

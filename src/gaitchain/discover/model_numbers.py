@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from gaitchain.backends.actuators import actuator_name
-from gaitchain.discover.ranges import BY_JOINT
+from gaitchain.backends.actuators import BY_JOINT, actuator_name
 from gaitchain.errors import RobotFileError
 from gaitchain.messages import Array
 

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from gaitchain.discover.ranges import BY_JOINT, joint_range
+from gaitchain.backends.actuators import BY_JOINT
+from gaitchain.discover.ranges import joint_range
 from gaitchain.messages import Array
 
 _UPRIGHT = 0.94  # cosine: a keyframe with the base this upright is a standing pose

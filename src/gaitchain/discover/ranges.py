@@ -6,8 +6,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-BY_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
-"""MuJoCo's transmissions of actuators that drive one joint."""
+from gaitchain.backends.actuators import BY_JOINT
+
 _AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
 _PID = int(mujoco.mjtGain.mjGAIN_PID)
 _SAME = 0.01  # rad: ends less far apart, as 3.14 and pi, are the same

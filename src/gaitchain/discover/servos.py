@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
+from gaitchain.backends.actuators import BY_JOINT
 from gaitchain.discover.findings import FoundServo, Rows
 from gaitchain.discover.pinned_robot import HINGE, PinnedRobot
 from gaitchain.discover.profile import Profile
-from gaitchain.discover.ranges import BY_JOINT
 from gaitchain.messages import GRAVITY
 from gaitchain.robot.holding import LEAST, holding_stiffness
 

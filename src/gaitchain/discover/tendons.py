@@ -11,8 +11,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from gaitchain.backends.actuators import BY_JOINT
 from gaitchain.discover.notes import listed
-from gaitchain.discover.ranges import BY_JOINT
 
 _TRN, _WRAP, _LIMITED = mujoco.mjtTrn, mujoco.mjtWrap, mujoco.mjtLimited
 _MUSCLE = mujoco.mjtGain.mjGAIN_MUSCLE  # pulls by the range of what it is on
