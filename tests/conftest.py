@@ -63,13 +63,18 @@ BUILT = {"built", "brisk"}  # half a minute each
 def pytest_collection_modifyitems(items):
     """Mark as slow what needs a built library or a browser; begin with what takes long.
 
-    Modules are mixed, so that none is left to the end.
+    Modules are mixed, so that none is left to the end. One builds each library first;
+    others that need it come when it is there, so that no process waits for it.
     """
     for item in items:
         if BUILT & set(item.fixturenames) or item.get_closest_marker("browser"):
             item.add_marker("slow")
+    items.sort(key=lambda item: crc32(item.path.name.encode()))
     slow = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: (item.path not in slow, crc32(item.path.name.encode())))
+    needing = [[i.path for i in items if name in i.fixturenames] for name in BUILT]
+    builders = {paths[0] for paths in needing if paths}
+    groups = [builders, slow.difference(*needing), slow]  # then all others
+    items.sort(key=lambda item: [item.path not in group for group in groups])
 
 
 @pytest.fixture(autouse=True)
@@ -161,4 +166,4 @@ def _build_brisk():
         patch.setattr(usual_errors, "_RUNS", 2)  # of each command
         patch.setattr(usual_errors, "_RUNS_OFF", 2)
         patch.setattr(usual_errors, "_SECONDS", 3.0)
-        return build_library(SMALL_BRISK, workers=2)[0]  # the others wait for it
+        return build_library(SMALL_BRISK, workers=1)[0]
