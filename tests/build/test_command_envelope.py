@@ -159,16 +159,17 @@ def held_with(falls, monkeypatch, library):
     """
     asked = {kind: [] for kind in command_envelope.HARD}
 
-    def trials(trial, runs, seed, workers, first=0):
+    def trials(trial, runs, seed, workers):
         ((kind, level),) = trial.fixed.items()
         assert level == command_envelope.HARD[kind]
-        asked[kind].append((seed, first))
         if trial.schedule is None:
+            asked[kind].append(seed)
             span = trial.library.command_range
             ends = (Command(vx) for vx in span.vx)
             fell = any(falls(kind, end) for end in ends)
             return (Walked(fell and i == 3, 0.0) for i in range(runs))
         command = trial.schedule[0].command
+        asked[kind].append(seed)
         return iter([Walked(falls(kind, command), 0.0)] * runs)
 
     monkeypatch.setattr(command_envelope, "run_trials", trials)
@@ -186,11 +187,10 @@ def test_the_end_that_falls_is_drawn_in_until_schedules_hold(untried, monkeypatc
     assert held.vx == (span.vx[0], pytest.approx(0.9**4 * span.vx[1]))
     assert (held.vy, held.yaw_rate) == (span.vy, span.yaw_rate)
     ends = sum(end != 0.0 for span in held.ends for end in span)
-    turns = [(len(walks) - 1) // (1 + ends + 2) for walks in asked.values()]
+    turns = [(len(seeds) - 1) // (1 + ends) for seeds in asked.values()]
     assert turns == [0, 0, 2, 2]
-    for count, walks in zip(turns, asked.values(), strict=True):
-        own = len(set(walks)) + count  # the end and half of it are compared in the same
-        assert own == len(walks), "each end and turn in its own worlds"
+    for seeds in asked.values():
+        assert len(set(seeds)) == len(seeds), "each end and turn in its own worlds"
 
 
 def test_who_falls_at_any_speed_is_not_made_slower_for_it(untried, monkeypatch):
@@ -199,31 +199,10 @@ def test_who_falls_at_any_speed_is_not_made_slower_for_it(untried, monkeypatch):
     assert len(asked["payload"]) == 1 < len(asked["friction"])
 
 
-@pytest.mark.parametrize(("slow_falls", "kept"), [(0, 0.9), (1, 1.0), (2, 1.0)])
-def test_who_falls_at_half_of_an_end_is_no_safer_below_it(
-    slow_falls, kept, untried, monkeypatch
-):
-    """Two of the walks at the end fall; schedules only at first, by chance."""
-    most = untried.command_range.vx[1]
-
-    def trials(trial, runs, seed, workers, first=0):
-        if trial.schedule is None:
-            falls = trial.library.command_range.vx[1] == most
-        else:
-            falls = {most: 2, 0.5 * most: slow_falls}.get(trial.schedule[0].command.vx)
-        return (Walked(i < (falls or 0), 0.0) for i in range(runs))
-
-    monkeypatch.setattr(command_envelope, "run_trials", trials)
-    held = command_envelope.hold_hard(untried, Crew(1, quiet)).command_range
-    assert held.vx[1] == pytest.approx(kept * most)
-
-
 def test_where_no_end_falls_slower_is_no_help(untried, monkeypatch):
     """As where a sway grows at half of the speed alone."""
 
-    none = {(0, 1): 0}
-    walks = command_envelope._EndWalks
-    monkeypatch.setattr(walks, "falls_at_ends", lambda *_: none)
+    monkeypatch.setattr(command_envelope, "_falls_at_ends", lambda *_: {(0, 1): 0})
     held, asked = held_with(lambda kind, _: kind == "delay_s", monkeypatch, untried)
     assert len(asked["delay_s"]) == 1
     assert held == untried.command_range
@@ -233,7 +212,7 @@ def slowed_where(falls, monkeypatch, library, turn=0):
     """Slow down where walks fall as `falls(command)` says."""
     crew, seeds = Crew(1, quiet), []
 
-    def trials(trial, runs, seed, workers, first):
+    def trials(trial, runs, seed, workers):
         assert trial.worlds is crew.worlds and not trial.fixed
         seeds.append(seed)
         return iter([Walked(falls(trial.schedule[0].command), 0.0)] * runs)

@@ -1,12 +1,11 @@
 """The range of commands that a library carries out for long: no fall, and as asked."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import repeat
 from statistics import fmean
-from typing import NamedTuple
 
 from gaitchain.analysis.walk_metrics import RUN_IN_S
 from gaitchain.build import seed_banks
@@ -40,7 +39,6 @@ HARD: Mapping[str, float] = {
 _SCHEDULES = 10  # random ones with one of them
 _HARD_RUNS = 4  # walks of each end with one that these do not hold
 _HARD_TURNS, _LESS = 6, 0.9  # how often an end is reduced, and to which part
-_COMPARED = 16  # walks of an end, and of half of it, that say whether it is too fast
 _AXES = ("vx", "vy", "yaw_rate")
 _SHORT = 0.1  # of the command: what may be missing of the speed or of the turn
 _LEAST_SLOW = 0.5  # of an end: who is slow there, too, is so at any speed
@@ -123,18 +121,17 @@ def hold_hard(library: GaitLibrary, crew: Crew) -> GaitLibrary:
 def _hold_with(kind: str, library: GaitLibrary, crew: Crew) -> GaitLibrary:
     """Reduce the end that falls most by a tenth until random schedules hold.
 
-    Where no end falls, half of it falls as well, or much less is no help, the robot
-    would fall at any speed.
+    Where no end falls, or much less is no help, the robot would fall at any speed.
     """
     left = library
     for turn in range(_HARD_TURNS):
         if not _schedules_fall(kind, left, crew, turn):
             return left
+        change = partial(_with, kind, crew)
         stage = in_round(f"walking on with {DISTURBANCES[kind].label}", turn)
-        walks = _EndWalks(partial(_with, kind, crew), stage, turn, crew)
-        falls = walks.falls_at_ends(left)
+        falls = _falls_at_ends(stage, change, left, crew, turn)
         weakest = max(falls, key=lambda end: falls[end])
-        if not (falls[weakest] and walks.is_too_fast(left, weakest)):
+        if not falls[weakest]:
             return left
         parts = dict.fromkeys(falls, 1.0) | {weakest: _LESS}
         left = replace(left, steady=_parts_of(left.command_range, parts))
@@ -163,60 +160,34 @@ def slow_weakest(
         part: what is left of these ends.
         crew: processes and worlds.
     """
-    stage, number = in_round("walking at the ends", turn), _HARD_TURNS + turn
-    walks = _EndWalks(partial(_in_worlds, crew), stage, number, crew)
-    falls = walks.falls_at_ends(library)
+    change, stage = partial(_in_worlds, crew), in_round("walking at the ends", turn)
+    falls = _falls_at_ends(stage, change, library, crew, _HARD_TURNS + turn)
     most = max(falls.values(), default=0)
     parts = {end: part if fell == most else 1.0 for end, fell in falls.items()}
     return replace(library, steady=_parts_of(library.command_range, parts))
 
 
-class _EndWalks(NamedTuple):
-    """Walks at single ends of a range, in other worlds than those of training."""
+def _falls_at_ends(
+    stage: str,
+    change: Callable[[Trial], Trial],
+    library: GaitLibrary,
+    crew: Crew,
+    turn: int,
+) -> dict[_End, int]:
+    """Return how many walks of each end fall in other worlds."""
+    ends = build_of(library.poses).steady_ends(library.command_range)
 
-    change: Callable[[Trial], Trial]
-    """Puts a trial into these worlds."""
-    stage: str
-    turn: int
-    """Each has seeds of its own."""
-    crew: Crew
+    def walk() -> Iterator[tuple[_End, TrialRun]]:
+        for end in ends:
+            trial = change(_straight(library, end, 1.0)[0])
+            seed = _seed(seed_banks.HARD, library, turn, end)
+            for run in run_trials(trial, _HARD_RUNS, seed, crew.workers):
+                yield end, run
 
-    def falls_at_ends(self, library: GaitLibrary) -> dict[_End, int]:
-        """Return how many of a few walks of each end fall."""
-        ends = build_of(library.poses).steady_ends(library.command_range)
-        jobs = [(end, 1.0) for end in ends]
-        fell = self._fall(self.stage, library, jobs, _HARD_RUNS)
-        return dict(zip(ends, fell, strict=True))
-
-    def is_too_fast(self, library: GaitLibrary, end: _End) -> bool:
-        """Return whether less than half as many walks fall at half of an end.
-
-        A robot that falls now and then at any speed is no safer for walking slowly.
-        """
-        stage = f"{self.stage}, full and half"
-        jobs = [(end, 1.0), (end, 0.5)]
-        full, half = self._fall(stage, library, jobs, _COMPARED, _HARD_RUNS)
-        return full > 2 * half
-
-    def _fall(
-        self,
-        stage: str,
-        library: GaitLibrary,
-        jobs: Sequence[tuple[_End, float]],
-        runs: int,
-        first: int = 0,
-    ) -> list[int]:
-        """Return how many walks of each part of an end fall."""
-
-        def walk() -> Iterator[TrialRun]:
-            for end, part in jobs:
-                trial = self.change(_straight(library, end, part)[0])
-                seed = _seed(seed_banks.HARD, library, self.turn, end)
-                yield from run_trials(trial, runs, seed, self.crew.workers, first)
-
-        walked = self.crew.track(stage, walk(), len(jobs) * runs)
-        fell = [run.fell for run in walked]
-        return [sum(fell[i : i + runs]) for i in range(0, len(fell), runs)]
+    falls = dict.fromkeys(ends, 0)
+    for end, run in crew.track(stage, walk(), len(ends) * _HARD_RUNS):
+        falls[end] += run.fell
+    return falls
 
 
 def _in_worlds(crew: Crew, trial: Trial) -> Trial:
