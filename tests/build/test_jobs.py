@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from full_disk import full_disk
 from joblib import parallel_config
+from killed_work import killed_work
 from patience import Deadline
 
 from gaitchain.build import jobs
@@ -16,7 +17,7 @@ from gaitchain.build.pipeline import build_library
 from gaitchain.build.rollout import WalkResult
 from gaitchain.build.trial import TrialRun
 from gaitchain.build.workers import available_cores, can_stream
-from gaitchain.errors import CommandError, JournalError
+from gaitchain.errors import CommandError, JournalError, WorkerError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library_file import library_bytes
 from gaitchain.messages import Array
@@ -315,6 +316,31 @@ def test_results_come_in_order_also_where_none_comes_before_the_last(backend):
         assert can_stream() == (backend != "multiprocessing")
         found = list(run_jobs(math.sqrt, [(n,) for n in numbers], float, 2))
     assert found == [math.sqrt(n) for n in numbers]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="no such signal")
+def test_jobs_whose_process_is_killed_are_sent_again(tmp_path):
+    (tmp_path / "kills").mkdir()
+    journal = journal_of(tmp_path)
+    jobs_of = [(1, number, tmp_path / "kills") for number in range(9)]
+    with keeping(journal):
+        found = list(run_jobs(killed_work, jobs_of, float, 2, batch_size=1))
+    assert found == [n / 3 for n in range(9)], "in the order of the jobs"
+    assert len(list((tmp_path / "kills").iterdir())) == 1
+    kept = [key[-1] for key, _ in journal_of(tmp_path).found]
+    assert sorted(kept) == list(range(9)), "each is kept once"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="no such signal")
+def test_a_job_whose_process_is_always_killed_ends_the_work(tmp_path):
+    (tmp_path / "kills").mkdir()
+    jobs_of = [(1000, number, tmp_path / "kills") for number in range(3)]
+    with keeping(journal_of(tmp_path)), pytest.raises(WorkerError, match="memory"):
+        list(run_jobs(killed_work, jobs_of, float, 2, batch_size=1))
+    kept = [key[-1] for key, _ in journal_of(tmp_path).found]
+    assert sorted(kept) == [0, 1], "the others are finished"
 
 
 @pytest.mark.parametrize(("counted", "cores"), [(6, 6), (None, 1)])

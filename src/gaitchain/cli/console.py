@@ -26,7 +26,7 @@ from rich.text import Text
 
 from gaitchain.cli.endings import interrupts_kept
 from gaitchain.cli.options import ReportOptions
-from gaitchain.errors import CommandError, JournalError
+from gaitchain.errors import CommandError, UnfinishedError
 
 _T = TypeVar("_T")
 Tell = Callable[[str, int, int], None]
@@ -86,10 +86,10 @@ def reporting(
 
 @contextmanager
 def resumable(path: Path) -> Iterator[None]:
-    """Say where finished work is kept, when the user or a full disk ends the rest."""
+    """Say where finished work is kept, where the rest of it ends before it is done."""
     try:
         yield
-    except (KeyboardInterrupt, JournalError):
+    except (KeyboardInterrupt, UnfinishedError):
         if path.exists():  # else not even the first one could be kept
             say(f"{path}: what is finished; the same command goes on from there")
         raise

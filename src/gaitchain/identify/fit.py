@@ -25,10 +25,9 @@ from itertools import accumulate, count
 from typing import NamedTuple
 
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
-from gaitchain.build.jobs import run_once
+from gaitchain.build.jobs import arrivals, run_once
 from gaitchain.errors import LogError
 from gaitchain.identify.joint_search import Group, JointSearch
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog
@@ -149,9 +148,9 @@ def fit_logs(
             feet, or none comes nearer to the log than that of the file's robot.
     """
     parts = _parts_of(robot, logs)
-    robot, pool = robot.nominal, Parallel(workers)
+    robot = robot.nominal
     parameters = Parameters(robot.legs.joint_names)
-    motions = [_Motion(robot, part, parameters, pool) for part in parts]
+    motions = [_Motion(robot, part, parameters, workers) for part in parts]
     belief, leans = _fit_motions(motions, parameters, tell)
     belief = _as_seen(parameters, belief, parts)
     missed = _missed_of(robot, motions, leans, parameters.read(belief.mean)[0])
@@ -307,10 +306,10 @@ class _Motion:
     """One motion of a log, and replays of it."""
 
     def __init__(
-        self, robot: Robot, log: MotionLog, parameters: Parameters, pool: Parallel
+        self, robot: Robot, log: MotionLog, parameters: Parameters, workers: int
     ) -> None:
         self._robot, self._log, self._parameters = robot, log, parameters
-        self._pool, self._joints = pool, len(robot.legs.joint_names)
+        self._workers, self._joints = workers, len(robot.legs.joint_names)
         self.support = log.motion.support
         measured = _columns(log.measured, len(log.motion.targets))
         self._present = np.isfinite(measured)
@@ -407,11 +406,12 @@ class _Motion:
 
     def _replays(self, vectors: Sequence[Array] | Array) -> list[Measured]:
         read = [self._parameters.read(vector) for vector in vectors]
-        jobs = (
-            delayed(replay)(self._robot.as_identified(found), self._log.motion, lean)
-            for found, lean in read
-        )
-        return list(self._pool(jobs))
+        jobs = [
+            (n, replay, self._robot.as_identified(found), self._log.motion, lean)
+            for n, (found, lean) in enumerate(read)
+        ]
+        came = dict(arrivals(jobs, self._workers))
+        return [came[n] for n in range(len(jobs))]
 
     def _table(self, seen: Measured) -> Array:
         """Return measured less replayed; nothing where a sensor is missing."""
