@@ -83,6 +83,35 @@ def test_a_journal_of_something_else_is_not_used(tmp_path, monkeypatch):
     assert not journal_of(tmp_path, 1).found
 
 
+def test_results_of_another_run_are_put_aside(tmp_path):
+    """As where a number was mistyped: the file that is put back goes on."""
+    for number in (1, 2, 3):
+        before = journal_of(tmp_path, number)
+        assert ("kept in work.jsonl.old" in before.greeting) is (number > 1)
+        with before as journal:
+            journal.add([number])
+    assert f"kept in work.jsonl.old{number - 1}" in before.greeting, "by the last one"
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        *("work.jsonl", "work.jsonl.old1", "work.jsonl.old2")
+    ]
+    for number in (1, 2):
+        (tmp_path / f"work.jsonl.old{number}").replace(journal.path)
+        assert journal_of(tmp_path, number).found == [[number]]
+
+
+def test_a_file_of_another_run_stays_until_work_begins(tmp_path):
+    with journal_of(tmp_path, 1) as journal:
+        journal.add([1])
+    kept = journal.path.read_bytes()
+    journal_of(tmp_path, 2)
+    assert journal.path.read_bytes() == kept
+    with journal_of(tmp_path, 2):
+        pass
+    with journal_of(tmp_path, 3) as empty:
+        assert "kept" not in empty.greeting, "a header alone is no result"
+    assert len(list(tmp_path.iterdir())) == 2
+
+
 def test_a_journal_that_cannot_be_written_is_named(tmp_path):
     with pytest.raises(CommandError, match="cannot be written"):
         Journal(tmp_path / "nowhere" / "work.jsonl").__enter__()

@@ -6,6 +6,7 @@ from contextlib import AbstractContextManager
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,8 @@ _APART = ("cli", "figures", "live", "service", "bench.py", "dynamixel", "ros")
 class Journal:
     """Results of a run in a file beside its output; the first line identifies the run.
 
-    An incomplete last line is dropped. Numbers are restored to the last bit.
+    An incomplete last line is dropped. Numbers are restored to the last bit. A file of
+    another run stays, under another name, if it has results.
     """
 
     def __init__(self, path: Path, *subject: object) -> None:
@@ -41,6 +43,7 @@ class Journal:
         """Results of an earlier run, in the order in which they were added."""
         self.greeting = f"{path}: finished work is kept here until the end"
         self._ends: list[int] = []
+        self._aside: Path | None = None
         if path.exists():
             self._read()
 
@@ -49,6 +52,9 @@ class Journal:
             lines = self.path.read_bytes().splitlines(keepends=True)
         if not lines or _parsed(lines[0]) != self._header:
             self.greeting = f"{self.path}: of other work or code; starting anew"
+            if len(lines) > 1:
+                self._aside = self._unused()
+                self.greeting += f", what it has is kept in {self._aside.name}"
             return
         self._ends.append(len(lines[0]))
         for line in lines[1:]:
@@ -59,13 +65,21 @@ class Journal:
             self._ends.append(self._ends[-1] + len(line))
         self.greeting = f"{self.path}: going on after {len(self.found)} finished pieces"
 
+    def _unused(self) -> Path:
+        """Return the first of the names for files of other runs that no file has."""
+        names = (f"{self.path.name}.old{number}" for number in count(1))
+        paths = map(self.path.with_name, names)
+        return next(path for path in paths if not path.exists())
+
     def __enter__(self) -> "Journal":
-        """Open the file and drop what cannot be used.
+        """Open the file; drop what cannot be used, but for results of another run.
 
         Raises:
             JournalError: the file cannot be written, as in all that follows.
         """
         with self._writing():
+            if self._aside is not None:
+                self.path.rename(self._aside)
             self._file = self.path.open("r+b" if self._ends else "wb")
         if self._ends:
             self.keep(len(self.found))
