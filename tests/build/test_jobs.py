@@ -112,6 +112,22 @@ def test_a_file_of_another_run_stays_until_work_begins(tmp_path):
     assert len(list(tmp_path.iterdir())) == 2
 
 
+def test_a_journal_remembers_by_what_its_results_were_judged(tmp_path):
+    def judged(by, pieces):
+        journal = Journal(tmp_path / "work.jsonl", "of", criterion=by)
+        with journal:
+            for piece in pieces:
+                journal.add(piece)
+        return journal.criteria, journal.found
+
+    assert judged([0.1, 0.9], []) == ([], [])
+    assert judged([0.2, 0.9], [[1]]) == ([], []), "nothing had been seen"
+    assert judged([0.2, 0.9], [[2]]) == ([], [[1]])
+    assert judged([0.3, 0.9], []) == ([[0.2, 0.9]], [[1], [2]])
+    assert judged([0.2, 0.9], [[3]]) == ([[0.3, 0.9]], [[1], [2]])
+    assert judged([0.4, 0.9], []) == ([[0.3, 0.9], [0.2, 0.9]], [[1], [2], [3]])
+
+
 def test_a_journal_that_cannot_be_written_is_named(tmp_path):
     with pytest.raises(CommandError, match="cannot be written"):
         Journal(tmp_path / "nowhere" / "work.jsonl").__enter__()

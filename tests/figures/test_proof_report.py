@@ -3,7 +3,7 @@
 import hashlib
 import json
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 from html.parser import HTMLParser
 from importlib.resources import files
 
@@ -18,6 +18,7 @@ from gaitchain.figures.proof_report import write_report
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.qualification import (
     ChosenWalks,
+    EarlierCriterion,
     OwnReport,
     ProofReport,
     StepStrata,
@@ -68,6 +69,20 @@ def report(folder, library=SHIPPED, measures=None, proof=PROOF):
     page, numbers, *_ = write_report(found, Criterion(BOUND), made, folder)
     words = " ".join(Words(page.read_text("utf-8")).words)
     return words, json.loads(numbers.read_text("utf-8"))
+
+
+def test_walks_that_had_been_seen_before_the_criterion_was_chosen_are_said(tmp_path):
+    words, numbers = report(tmp_path)
+    assert "Criterion, fixed before the first walk" in words
+    assert "had been seen" not in words
+    before = EarlierCriterion(1e-4, 0.9, 60.0), EarlierCriterion(1e-2, 0.95, 60.0)
+    words, numbers = report(tmp_path, proof=replace(PROOF, before=before))
+    assert "Criterion, chosen after walks had been seen" in words
+    assert "Criterion, fixed before the first walk" not in words
+    assert "Walks had been seen before this bound was chosen" in words
+    for each in ("0.0001 with 90 % confidence", "0.01 with 95 % confidence"):
+        assert each in words
+    assert numbers["before"] == [*map(asdict, before)]
 
 
 def test_who_falls_without_a_push_is_counted_and_moves_no_limit(tmp_path):
