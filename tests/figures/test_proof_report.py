@@ -9,6 +9,7 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from page_browser import Watched, chromium
 
 from gaitchain.build.grid import GridJob, grid_world
 from gaitchain.build.push import PushTest
@@ -30,6 +31,7 @@ from gaitchain.proof.measures import Measures
 from gaitchain.proof.proof_walks import CHOSEN, Criterion, mild_cells
 from gaitchain.proof.push_limit import Impulse, push_limits
 from gaitchain.proof.stops import Stop, judge_stops
+from gaitchain.robot.identified import Identified, unsure_numbers
 
 BOUND, SCALE_NS = 1e-3, 50.0
 SHIPPED = load_library(shipped_library())
@@ -275,3 +277,25 @@ def test_walks_of_key_poses_are_told_in_steps_and_in_worlds_of_key_poses(
     assert "walks of 60 s" not in words
     assert "friction 0.6 to 1, servo gain 0.9 to 1.1, mass 0.95 to 1.05" in words
     assert not any("lowered hips" in said for said in numbers["not_tested"])
+
+
+@pytest.mark.browser
+def test_a_phone_shows_all_of_it_without_scrolling_sideways(tmp_path):
+    """Hashes and seeds are broken; what has many columns is scrolled within itself."""
+    robot = SHIPPED.robot
+    plain = Identified.of_file(len(robot.legs.joint_names))
+    sd = np.zeros(unsure_numbers(len(robot.legs.joint_names)))
+    found = robot.as_identified(replace(plain, unknown=np.diag(sd)))
+    mine = replace(SHIPPED, poses=replace(SHIPPED.poses, robot=found))
+    report(tmp_path, mine)
+    with chromium() as browser:
+        size = {"width": 375, "height": 667}
+        address = (tmp_path / "report.html").as_uri()
+        page = Watched(browser, address, viewport=size, is_mobile=True).open()
+        assert page.evaluate("document.documentElement.scrollWidth") == 375
+        wide = "[...document.querySelectorAll('.wide')]"
+        inner, outer = (
+            page.evaluate(f"{wide}.map(e => e.{width})")
+            for width in ("scrollWidth", "clientWidth")
+        )
+    assert any(all_of_it > seen for all_of_it, seen in zip(inner, outer, strict=True))

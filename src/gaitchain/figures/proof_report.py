@@ -48,6 +48,8 @@ _STYLE = (
     "margin:.5rem 0}td,th{padding:.2rem .8rem .2rem 0;text-align:left;border-bottom:"
     "1px solid #ccd}img{max-width:100%}.verdict{font-size:1.2rem;padding:.6rem 1rem;"
     "border-left:6px solid #1f6fb4;background:#eef3f8}code{word-break:break-all}"
+    "body{overflow-wrap:break-word}.wide{overflow-x:auto}"
+    ".pairs td+td{overflow-wrap:anywhere}"
 )
 _VERDICTS = {
     "below": "It falls in fewer than {bound} of its steps, with {sure} confidence.",
