@@ -562,6 +562,41 @@ def test_no_output_takes_the_place_of_another_file(
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            ("calibrate", "res", "--robot-hidden", "1", "--exercise", "mine.gait"),
+            "mine.gait: a gait library; name another file for the log",
+        ),
+        (
+            ("calibrate", "res", "--robot-hidden", "1", "--exercise", "p.toml"),
+            "p.toml: a robot's TOML file; name another file for the log",
+        ),
+        (
+            ("inspect", "res", "--json", "mine.gait"),
+            "mine.gait: a gait library; name another file for the results",
+        ),
+        (
+            ("trial", "res", "--runs", "1", "--json", "p.toml"),
+            "p.toml: a robot's TOML file; name another file for the results",
+        ),
+    ],
+    ids=lambda words: words if isinstance(words, str) else " ".join(words),
+)
+def test_a_library_or_a_profile_is_not_replaced_by_a_log_or_results(
+    words, said, tmp_path, capsys, monkeypatch
+):
+    """It was, without a word; there may be no other copy."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(resources.files("gaitchain") / "data" / "res.gait", "mine.gait")
+    Path("p.toml").write_text("[stand]\n", "utf-8")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    code, _, err = call(capsys, *words)
+    assert (code, err) == (2, f"gaitchain: {said}\n")
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
 @pytest.mark.slow
 def test_a_build_that_cannot_be_leaves_an_interrupted_one(tmp_path, capsys):
     kept = tmp_path / "x.gait.build.jsonl"
