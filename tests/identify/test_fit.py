@@ -337,8 +337,12 @@ def test_no_file_is_written_over_another_of_the_command(swung, tmp_path, capsys)
     before = path.read_bytes()
     assert run(["identify", "res", str(path), "-o", str(path)]) == 2
     assert "a.log: named twice" in capsys.readouterr().err
-    assert run(["identify", "res", str(path), str(path), "-o", out]) == 2
-    assert "a log is named twice" in capsys.readouterr().err
+    copy = tmp_path / "copy.log"
+    copy.write_bytes(before)
+    for other in (path, copy):
+        assert run(["identify", "res", str(path), str(other), "-o", out]) == 2
+        said = f"{other}: the same log as {path}; it tells things only once"
+        assert said in capsys.readouterr().err
     words = ["identify", "res", str(path), "-o", out, "--json", out]
     assert run(words) == 2
     assert "b.gait: named twice" in capsys.readouterr().err

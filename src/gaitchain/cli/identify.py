@@ -113,13 +113,19 @@ def _logs(paths: Sequence[Path]) -> list[ExerciseLog]:
     """Read the logs.
 
     Raises:
-        CommandError: there is none, or the same one twice.
+        CommandError: there is none, or two have the same content.
     """
     if not paths:
         raise CommandError("identify: give a log, which `calibrate --exercise` writes")
-    if len({path.resolve() for path in paths}) < len(paths):
-        raise CommandError("identify: a log is named twice; it tells things only once")
-    return [load_log(path) for path in paths]
+    logs = [load_log(path) for path in paths]
+    contents = [path.read_bytes() for path in paths]
+    for i, content in enumerate(contents):
+        first = contents.index(content)
+        if first < i:
+            raise CommandError(
+                f"{paths[i]}: the same log as {paths[first]}; it tells things only once"
+            )
+    return logs
 
 
 def _figures(fitted: GaitLibrary, fit: Fit) -> dict[str, Any]:
