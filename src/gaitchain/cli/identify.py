@@ -25,7 +25,7 @@ from gaitchain.figures.identification import Compared, plot_missed
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, save_library
 from gaitchain.identify.adapt import adapt
-from gaitchain.identify.fit import Fit, Found, fit_logs
+from gaitchain.identify.fit import Fit, Found, checked_parts, fit_logs
 from gaitchain.identify.log import ExerciseLog, load_log
 from gaitchain.robot.robot import Robot
 
@@ -60,6 +60,7 @@ def run(options: Identify) -> tuple[int, dict[str, Any]]:
     check_files(written, [Path(options.library), *options.logs])
     if options.picture is not None:
         check_picture(options.picture)
+    checked_parts(library.robot, logs)  # before a journal is begun
     journal = _begun(options, library)
     fit, fitted = _identified(options, library, logs, journal)
     save_library(fitted, options.output)

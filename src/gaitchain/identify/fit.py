@@ -42,6 +42,8 @@ from gaitchain.identify.parameters import (
 from gaitchain.identify.refusals import (
     check_content,
     check_explained,
+    check_names,
+    check_units,
     encoder_noise,
 )
 from gaitchain.identify.simulated import replay
@@ -144,10 +146,11 @@ def fit_logs(
 
     Raises:
         LogError: a log is of another robot, or of another control period, or has gaps,
-            or joints that were not measured or did not move; no replay stays on its
-            feet, or none comes nearer to the log than that of the file's robot.
+            other joints or units, or joints that were not measured or did not move; no
+            replay stays on its feet, or none comes nearer to the log than that of the
+            file's robot.
     """
-    parts = _parts_of(robot, logs)
+    parts = checked_parts(robot, logs)
     robot = robot.nominal
     parameters = Parameters(robot.legs.joint_names)
     motions = [_Motion(robot, part, parameters, workers) for part in parts]
@@ -178,11 +181,20 @@ def _fit_motions(
     return belief, leans
 
 
-def _parts_of(robot: Robot, logs: Sequence[ExerciseLog]) -> list[MotionLog]:
-    """Return the motions of all logs, which can be fitted."""
+def checked_parts(robot: Robot, logs: Sequence[ExerciseLog]) -> list[MotionLog]:
+    """Return the motions of all logs, which can be fitted.
+
+    Args:
+        robot: as in its file.
+        logs: of exercises.
+
+    Raises:
+        LogError: one cannot be fitted to this robot.
+    """
     for log in logs:
         _check(robot, log)
     parts = [part for log in logs for part in log.parts]
+    check_units(robot.legs, parts)
     check_content(robot.legs.joint_names, parts)
     return parts
 
@@ -241,6 +253,7 @@ def _check(robot: Robot, log: ExerciseLog) -> None:
             f"the log is of {log.robot} ({log.fingerprint}), the library of "
             f"{nominal.name} ({nominal.fingerprint}); give a log of that robot"
         )
+    check_names(nominal, log.joint_names)
     if abs(period_s - CONTROL_PERIOD_S) > 1e-9:
         raise LogError(
             f"the log has a row every {1e3 * period_s:g} ms, a replay needs one "
