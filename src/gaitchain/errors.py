@@ -54,8 +54,16 @@ class CommandError(GaitchainError):
     """A command or an option cannot be carried out."""
 
 
-class JournalError(CommandError):
+class UnfinishedError(CommandError):
+    """Work ends before it is done; the same command goes on from what was kept."""
+
+
+class JournalError(UnfinishedError):
     """Finished work cannot be kept; what was kept before it is."""
+
+
+class WorkerError(UnfinishedError):
+    """The processes that work are killed again and again."""
 
 
 class RecordError(GaitchainError):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from full_disk import full_disk
 from joblib import parallel_config
+from killed_work import killed_work
 from patience import Deadline
 
 from gaitchain.build import jobs
@@ -16,7 +17,7 @@ from gaitchain.build.pipeline import build_library
 from gaitchain.build.rollout import WalkResult
 from gaitchain.build.trial import TrialRun
 from gaitchain.build.workers import available_cores, can_stream
-from gaitchain.errors import CommandError, JournalError
+from gaitchain.errors import CommandError, JournalError, WorkerError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library_file import library_bytes
 from gaitchain.messages import Array
@@ -80,6 +81,51 @@ def test_a_journal_of_something_else_is_not_used(tmp_path, monkeypatch):
     assert not journal_of(tmp_path, 1).found
     journal.path.write_bytes(b"")
     assert not journal_of(tmp_path, 1).found
+
+
+def test_results_of_another_run_are_put_aside(tmp_path):
+    """As where a number was mistyped: the file that is put back goes on."""
+    for number in (1, 2, 3):
+        before = journal_of(tmp_path, number)
+        assert ("kept in work.jsonl.old" in before.greeting) is (number > 1)
+        with before as journal:
+            journal.add([number])
+    assert f"kept in work.jsonl.old{number - 1}" in before.greeting, "by the last one"
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        *("work.jsonl", "work.jsonl.old1", "work.jsonl.old2")
+    ]
+    for number in (1, 2):
+        (tmp_path / f"work.jsonl.old{number}").replace(journal.path)
+        assert journal_of(tmp_path, number).found == [[number]]
+
+
+def test_a_file_of_another_run_stays_until_work_begins(tmp_path):
+    with journal_of(tmp_path, 1) as journal:
+        journal.add([1])
+    kept = journal.path.read_bytes()
+    journal_of(tmp_path, 2)
+    assert journal.path.read_bytes() == kept
+    with journal_of(tmp_path, 2):
+        pass
+    with journal_of(tmp_path, 3) as empty:
+        assert "kept" not in empty.greeting, "a header alone is no result"
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_journal_remembers_by_what_its_results_were_judged(tmp_path):
+    def judged(by, pieces):
+        journal = Journal(tmp_path / "work.jsonl", "of", criterion=by)
+        with journal:
+            for piece in pieces:
+                journal.add(piece)
+        return journal.criteria, journal.found
+
+    assert judged([0.1, 0.9], []) == ([], [])
+    assert judged([0.2, 0.9], [[1]]) == ([], []), "nothing had been seen"
+    assert judged([0.2, 0.9], [[2]]) == ([], [[1]])
+    assert judged([0.3, 0.9], []) == ([[0.2, 0.9]], [[1], [2]])
+    assert judged([0.2, 0.9], [[3]]) == ([[0.3, 0.9]], [[1], [2]])
+    assert judged([0.4, 0.9], []) == ([[0.3, 0.9], [0.2, 0.9]], [[1], [2], [3]])
 
 
 def test_a_journal_that_cannot_be_written_is_named(tmp_path):
@@ -315,6 +361,31 @@ def test_results_come_in_order_also_where_none_comes_before_the_last(backend):
         assert can_stream() == (backend != "multiprocessing")
         found = list(run_jobs(math.sqrt, [(n,) for n in numbers], float, 2))
     assert found == [math.sqrt(n) for n in numbers]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="no such signal")
+def test_jobs_whose_process_is_killed_are_sent_again(tmp_path):
+    (tmp_path / "kills").mkdir()
+    journal = journal_of(tmp_path)
+    jobs_of = [(1, number, tmp_path / "kills") for number in range(9)]
+    with keeping(journal):
+        found = list(run_jobs(killed_work, jobs_of, float, 2, batch_size=1))
+    assert found == [n / 3 for n in range(9)], "in the order of the jobs"
+    assert len(list((tmp_path / "kills").iterdir())) == 1
+    kept = [key[-1] for key, _ in journal_of(tmp_path).found]
+    assert sorted(kept) == list(range(9)), "each is kept once"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="no such signal")
+def test_a_job_whose_process_is_always_killed_ends_the_work(tmp_path):
+    (tmp_path / "kills").mkdir()
+    jobs_of = [(1000, number, tmp_path / "kills") for number in range(3)]
+    with keeping(journal_of(tmp_path)), pytest.raises(WorkerError, match="memory"):
+        list(run_jobs(killed_work, jobs_of, float, 2, batch_size=1))
+    kept = [key[-1] for key, _ in journal_of(tmp_path).found]
+    assert sorted(kept) == [0, 1], "the others are finished"
 
 
 @pytest.mark.parametrize(("counted", "cores"), [(6, 6), (None, 1)])

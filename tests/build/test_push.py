@@ -15,6 +15,7 @@ from gaitchain.build.push import (
     MOST,
     RESOLUTION,
     PushedWalk,
+    PushResult,
     PushTest,
     _bisect,
     impulse_scale,
@@ -164,3 +165,30 @@ def test_the_picture(sides, tmp_path):
     tests = [t for i in range(sides) for t in critical_at(360.0 * i / sides, 5.0, 7.0)]
     plot_pushes(judge(tests), "RES", 71.0, tmp_path / "new" / "push.png")
     assert (tmp_path / "new" / "push.png").stat().st_size > 20_000
+
+
+@pytest.mark.parametrize(("end", "cut"), [(19.0, False), (20.0, False), (300.0, True)])
+def test_the_picture_holds_the_intervals_or_says_that_they_go_on(
+    end, cut, tmp_path, monkeypatch
+):
+    """They were cut off at the hardest run, without a word."""
+    draw, seen = robustness.drawing, []
+
+    @contextmanager
+    def noted(*size):
+        with draw(*size) as figure:
+            yield figure
+            (axes,) = figure.axes
+            names = [text.get_text() for text in axes.get_legend().get_texts()]
+            seen.append((axes.get_ylim()[1], names))
+
+    monkeypatch.setattr(robustness, "drawing", noted)
+    runs = 6.0, 10.0
+    sides = [PushResult(0.0, 8.0, (5.0, 9.0), runs)]
+    sides += [PushResult(90.0, 8.0, (4.0, end), runs)]
+    sides += [PushResult(180.0, math.nan, (math.nan, math.nan), runs)]
+    plot_pushes(sides, "RES", 71.0, tmp_path / "push.png")
+    ((rim, names),) = seen
+    assert rim == pytest.approx(1.05 * min(end, 20.0))
+    assert ("90 % interval, beyond the rim too" in names) is cut
+    assert ("90 % interval" in names) is not cut

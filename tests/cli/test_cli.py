@@ -30,14 +30,16 @@ from gaitchain.build.journal import code_digest
 from gaitchain.cli.build import cached_library
 from gaitchain.cli.console import resumable
 from gaitchain.cli.options import VERBS
+from gaitchain.cli.world_options import check_effects
 from gaitchain.commission.stages import STAGES
-from gaitchain.errors import JournalError, LibraryError
+from gaitchain.errors import CommandError, JournalError, LibraryError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.command_range import AXES, CommandRange, inward
 from gaitchain.gait.keypose.primitives import PARAMETERS
 from gaitchain.gait.library_file import load_library, save_library
 from gaitchain.gait.qualification import Qualification
 from gaitchain.messages import Command
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.sim.world import DISTURBANCES
 
 
@@ -530,6 +532,45 @@ def test_every_disturbance_is_an_option_that_names_itself(capsys):
             assert err.startswith(f"gaitchain: {option}: {name} is {low}, must be")
 
 
+NEEDY = [name for name, disturbance in DISTURBANCES.items() if disturbance.needs]
+
+
+@pytest.mark.parametrize("name", NEEDY)
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("walk", "res"),
+        ("trial", "res", "--runs", "1"),
+        ("push", "res"),
+        ("walk", "res", "--servo", "xm430-w350"),  # whose friction is not known
+    ],
+    ids=" ".join,
+)
+def test_a_disturbance_that_does_nothing_alone_is_refused_alone(
+    name, words, capsys, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    own, other = (
+        f"--{DISTURBANCES[each].option.replace('_', '-')}"
+        for each in (name, DISTURBANCES[name].needs)
+    )
+    code, _, err = call(capsys, *words, own, 0.5)
+    assert (code, err) == (2, f"gaitchain: {own} has no effect without {other}\n")
+    assert not list(tmp_path.iterdir())
+
+
+def test_stiction_is_of_any_dry_friction():
+    """Given beside it, or the robot's own; and none of it needs none."""
+    robot = load_box_robot("res")
+    legs = robot.legs
+    rusty = replace(robot, legs=replace(legs, friction_loss=0.1 * legs.torque_limit))
+    check_effects({"stiction": 0.5}, rusty)
+    check_effects({"stiction": 0.5, "dry_friction": 0.1}, robot)
+    check_effects({"stiction": 0.0}, robot)
+    with pytest.raises(CommandError, match="--stiction has no effect"):
+        check_effects({"stiction": 0.5, "dry_friction": 0.0}, robot)
+
+
 @pytest.mark.parametrize(
     "words",
     [
@@ -559,6 +600,41 @@ def test_no_output_takes_the_place_of_another_file(
     code, _, err = call(capsys, *given)
     assert code == 2
     assert f"{given[-1]}: named twice" in err
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            ("calibrate", "res", "--robot-hidden", "1", "--exercise", "mine.gait"),
+            "mine.gait: a gait library; name another file for the log",
+        ),
+        (
+            ("calibrate", "res", "--robot-hidden", "1", "--exercise", "p.toml"),
+            "p.toml: a robot's TOML file; name another file for the log",
+        ),
+        (
+            ("inspect", "res", "--json", "mine.gait"),
+            "mine.gait: a gait library; name another file for the results",
+        ),
+        (
+            ("trial", "res", "--runs", "1", "--json", "p.toml"),
+            "p.toml: a robot's TOML file; name another file for the results",
+        ),
+    ],
+    ids=lambda words: words if isinstance(words, str) else " ".join(words),
+)
+def test_a_library_or_a_profile_is_not_replaced_by_a_log_or_results(
+    words, said, tmp_path, capsys, monkeypatch
+):
+    """It was, without a word; there may be no other copy."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(resources.files("gaitchain") / "data" / "res.gait", "mine.gait")
+    Path("p.toml").write_text("[stand]\n", "utf-8")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    code, _, err = call(capsys, *words)
+    assert (code, err) == (2, f"gaitchain: {said}\n")
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 

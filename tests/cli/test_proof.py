@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 from ast import literal_eval
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import wraps
 from html.parser import HTMLParser
 
@@ -21,6 +21,7 @@ from gaitchain.cli import run
 from gaitchain.errors import LibraryError
 from gaitchain.figures.proof_report import write_report
 from gaitchain.gait.library_file import library_bytes, load_library
+from gaitchain.gait.qualification import EarlierCriterion
 from gaitchain.proof import measures, proof_walks
 from gaitchain.proof.measures import Measures
 from gaitchain.proof.proof_walks import (
@@ -289,11 +290,34 @@ def test_what_was_walked_without_a_verdict_is_not_walked_again(
     assert "neither fewer nor more than 0.04 falls" in said
     assert "a larger --most-steps goes on from there" in said
     assert numbers == list(range(18))
-    assert run(words) == 0
-    assert "going on after 18 finished pieces" in capsys.readouterr().out
+    assert run([*words, "--json", str(tmp_path / "p.json")]) == 0
+    said = capsys.readouterr().out
+    assert "going on after 18 finished pieces" in said
+    assert "other ones for the falls per step: 0.04 with 90 % confidence" in said
     assert all(number >= CHOSEN for number in numbers[18:])
-    assert out.read_bytes() == proven[1].read_bytes()
+    library, earlier = load_library(out), EarlierCriterion(0.04, 0.9, 3.0)
+    proof = library.qualification.proof
+    assert proof.before == (earlier,)
+    assert json.loads((tmp_path / "p.json").read_text())["before"] == [asdict(earlier)]
+    fixed = library.proven(replace(proof, before=()))
+    assert library_bytes(fixed) == proven[1].read_bytes()
     assert not list(tmp_path.glob("*.jsonl"))
+
+
+def test_a_criterion_that_is_chosen_after_a_verdict_is_no_fixed_one(
+    proven, tmp_path, monkeypatch, capsys
+):
+    """Neither where the output has it, nor where the library itself does."""
+    out, own = tmp_path / "P.gait", tmp_path / "Q.gait"
+    out.write_bytes(proven[1].read_bytes())
+    own.write_bytes(proven[1].read_bytes())
+    new = ["--bound", "0.04", "--seconds", "3", "--workers", "1"]
+    for words in (["res", *new, "-o", str(out)], [str(own), *new]):
+        assert interrupted_after(1, ["qualify", *words], monkeypatch) == 130
+        assert "0.05 with 95 % confidence in walks of 3 s" in capsys.readouterr().out
+    other = ["res", *new, "--bound", "0.05", "-o", str(tmp_path / "R.gait")]
+    assert interrupted_after(1, ["qualify", *other], monkeypatch) == 130
+    assert "had been seen" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from standing_record import record as by_hand
 from gaitchain.analysis.record_file import load_record, save_record
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.errors import GaitchainError
+from gaitchain.gait.file_kind import kind_of
 from gaitchain.gait.library_file import load_library
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog, load_log, save_log
 from gaitchain.live.exercise import Motion
@@ -43,3 +44,15 @@ def test_a_file_of_another_kind_is_told_as_what_it_is(files, wanted):
         words = rf"{re.escape(str(files[kind]))}: .*\b{kind}\b"
         with pytest.raises(GaitchainError, match=words):
             READERS[wanted](files[kind])
+
+
+@pytest.mark.parametrize("wanted", READERS)
+def test_what_a_file_is_can_be_asked_without_reading_it(files, wanted, tmp_path):
+    for kind, path in files.items():
+        assert kind_of(path) == kind
+        assert kind_of(path, wanted) == (None if kind == wanted else kind)
+    damaged = tmp_path / "a"
+    for data in (b"", b"{}", b"\xff" * 20, (2).to_bytes(8, "little") + b"[]"):
+        damaged.write_bytes(data)
+        assert kind_of(damaged) is None
+    assert kind_of(tmp_path) is None

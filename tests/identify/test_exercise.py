@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import sys
 from pathlib import Path
 
@@ -106,7 +107,7 @@ def test_logs_without_times_are_read(short, tmp_path):
 def test_times_have_to_be_numbers(short, tmp_path):
     short.parts[0].measured.time_s[7] = np.nan
     save_log(short, tmp_path / "a.log")
-    with pytest.raises(LogError, match="a time is no number"):
+    with pytest.raises(LogError, match="time_s has a value that is no number"):
         load_log(tmp_path / "a.log")
 
 
@@ -122,6 +123,89 @@ def test_absurd_values_are_refused_by_name(short, tmp_path, column, said):
     save_log(short, tmp_path / "a.log")
     with pytest.raises(LogError, match=said):
         load_log(tmp_path / "a.log")
+
+
+def rewritten(log, path, change):
+    """Write a log whose header and arrays were changed."""
+    save_log(log, path)
+    with safe_open(path, "np") as file:
+        header = json.loads(file.metadata()["gaitchain"])
+        arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    header = change(header, arrays) or header
+    save_file(arrays, path, {"gaitchain": json.dumps(header)})
+
+
+def cast(kind):
+    return lambda _, arrays: arrays.update(target_0=arrays["target_0"].astype(kind))
+
+
+WRONG = {
+    "target is of float32, must be of float64": cast(np.float32),
+    "target is of int32, must be of float64": cast(np.int32),
+    r"target has shape (250, 12), must be (250, 11), by the 250 rows of target and 11 "
+    "joint_names": lambda header, _: header["joint_names"].pop(),
+    "target has shape (), must be (1, 12)": lambda _, arrays: arrays.update(
+        target_0=np.array(1.0)
+    ),
+    "the motion 'held' has no target": lambda _, arrays: arrays.pop("target_0"),
+    "Expected `object`, got `array`": lambda *_: [1],
+    "missing required field `kind`": lambda header, _: header.pop("kind"),
+    "Expected `array`, got `null` - at `$.supports`": lambda header, _: header.update(
+        supports=None
+    ),
+    "Invalid enum value 'hung' - at `$.supports[0]`": lambda header, _: header.update(
+        supports=["hung"]
+    ),
+    "supports is empty": lambda header, _: header.update(supports=[]),
+    "period_s is 0, must be 0.001 to 0.1": lambda header, _: header.update(period_s=0),
+    "its kind and schema are 'exercise', 2, must be 'exercise', 1": lambda header, _: (
+        header.update(schema=2)
+    ),
+    "the motion 'held' has 1 s, needs 2": lambda header, _: header.update(
+        period_s=0.004
+    ),
+}
+
+
+@pytest.mark.parametrize("said", WRONG)
+def test_what_is_wrong_with_a_log_is_said(said, short, tmp_path):
+    """With what it is and what it must be; no error of Python's own."""
+    path, change = tmp_path / "a.log", WRONG[said]
+    rewritten(short, path, lambda *parts: as_header(change(*parts)))
+    with pytest.raises(LogError, match=re.escape(said)):
+        load_log(path)
+
+
+def as_header(changed):
+    """What replaces the header, if a change gave that."""
+    return changed if isinstance(changed, list) else None
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "it is empty"),
+        (b"0123", "it has no header of safetensors"),
+        ((2).to_bytes(8, "little") + b"[]", "it has no header of safetensors"),
+        ((2).to_bytes(8, "little") + b"{}", "its metadata has no entry 'gaitchain'"),
+    ],
+)
+def test_what_is_no_log_is_said(content, said, tmp_path):
+    (tmp_path / "a.log").write_bytes(content)
+    with pytest.raises(LogError, match=rf"not a log that .* wrote \({said}"):
+        load_log(tmp_path / "a.log")
+
+
+def test_numbers_of_a_type_that_numpy_lacks_are_said(short, tmp_path):
+    path = tmp_path / "a.log"
+    save_log(short, path)
+    with safe_open(path, "np") as file:
+        notes = file.metadata()
+    target = {"dtype": "BF16", "shape": [1], "data_offsets": [0, 2]}
+    half = json.dumps({"__metadata__": notes, "target_0": target}).encode()
+    path.write_bytes(len(half).to_bytes(8, "little") + half + bytes(2))
+    with pytest.raises(LogError, match="numbers are of 'BF16', must be of float64"):
+        load_log(path)
 
 
 def test_a_file_that_is_far_too_large_is_not_read(tmp_path):

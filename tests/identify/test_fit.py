@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from joblib import Parallel
 from servo_bench import RES
 from small_build import few_steady_walks
 
@@ -130,7 +129,7 @@ def test_a_robot_that_stands_tells_how_late_its_imu_is():
     believed = parameters.read(start)[0]
     sway = Motion("standing", exercise(RES)[1].targets[200:600])
     log = log_of(sway, replace(believed, imu_delay_s=0.02))
-    motion = fit._Motion(RES, log.parts[0], parameters, Parallel(1))
+    motion = fit._Motion(RES, log.parts[0], parameters, 1)
     belief, rng = fit._Belief(start, np.diag(known**2)), np.random.default_rng(0)
     found, covariance = motion.improve(start, belief, Round(1.0), rng)
     assert parameters.read(found)[0].imu_delay_s == pytest.approx(0.02, abs=0.003)
@@ -140,11 +139,11 @@ def test_a_robot_that_stands_tells_how_late_its_imu_is():
 def test_numbers_explain_a_log_that_leave_noise_alone(swung):
     """Those that made it do; a degree more of play of one joint does not."""
     parameters = fit.Parameters(RES.legs.joint_names)
-    right, pool = np.zeros(len(parameters.all)), Parallel(1)
+    right = np.zeros(len(parameters.all))
     found, lean = parameters.read(right)
     motion = swung.parts[0].motion
     seen = replay(RES.as_identified(found), motion, lean, World(noise=1.0))
-    fitted = fit._Motion(RES, MotionLog(motion, seen), parameters, pool)
+    fitted = fit._Motion(RES, MotionLog(motion, seen), parameters, 1)
     assert fitted._explains(right)
     wrong = right.copy()
     wrong[parameters.places("backlash_deg")[2]] += 2.0
@@ -218,7 +217,7 @@ def motion_with(swung, **sensors):
     """Return the fit's motion of a log with other columns."""
     seen = replace(swung.parts[0].measured, **sensors)
     part = replace(swung.parts[0], measured=seen)
-    return fit._Motion(RES, part, fit.Parameters(RES.legs.joint_names), None)
+    return fit._Motion(RES, part, fit.Parameters(RES.legs.joint_names), 1)
 
 
 def test_a_missing_imu_says_nothing(swung):
@@ -338,8 +337,12 @@ def test_no_file_is_written_over_another_of_the_command(swung, tmp_path, capsys)
     before = path.read_bytes()
     assert run(["identify", "res", str(path), "-o", str(path)]) == 2
     assert "a.log: named twice" in capsys.readouterr().err
-    assert run(["identify", "res", str(path), str(path), "-o", out]) == 2
-    assert "a log is named twice" in capsys.readouterr().err
+    copy = tmp_path / "copy.log"
+    copy.write_bytes(before)
+    for other in (path, copy):
+        assert run(["identify", "res", str(path), str(other), "-o", out]) == 2
+        said = f"{other}: the same log as {path}; it tells things only once"
+        assert said in capsys.readouterr().err
     words = ["identify", "res", str(path), "-o", out, "--json", out]
     assert run(words) == 2
     assert "b.gait: named twice" in capsys.readouterr().err

@@ -12,7 +12,12 @@ from gaitchain.identify import fit
 from gaitchain.identify.fit import fit_logs
 from gaitchain.identify.log import ExerciseLog, MotionLog, save_log
 from gaitchain.identify.parameters import OF_IMU, OF_STAND, Parameters
-from gaitchain.identify.refusals import check_content, check_explained, encoder_noise
+from gaitchain.identify.refusals import (
+    check_content,
+    check_explained,
+    check_units,
+    encoder_noise,
+)
 from gaitchain.identify.simulated import replay
 from gaitchain.live.exercise import Motion, exercise
 from gaitchain.messages import CONTROL_PERIOD_S
@@ -79,6 +84,57 @@ def test_a_robot_without_power_is_refused_before_any_work(good, tmp_path, capsys
     assert "encoders show 0% of 36.8 deg of left_hip_yaw" in said
     assert "and 6 more; a fit needs 25% at least" in said
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (NAMES[::-1], f"joint 1 of the log is '{NAMES[-1]}', of Robo-Erectus Senior"),
+        ((NAMES[0], *NAMES[:-1]), f"joint 2 of the log is '{NAMES[0]}'"),
+        (("shoulder", *NAMES[1:]), f"is 'shoulder', .* it is '{NAMES[0]}'; the order"),
+        (NAMES[:-1], f"the log has 11 joints, .* 12 in its legs: {NAMES[0]}, "),
+    ],
+)
+def test_a_log_of_other_joints_is_refused(names, said, good):
+    log = replace(log_with(good), joint_names=names)
+    with pytest.raises(LogError, match=said):
+        fit_logs(RES, [log], 1, quiet)
+
+
+def test_angles_in_degrees_are_refused(good, tmp_path, capsys):
+    """Before any work; the replay of 45 rad took minutes."""
+    joints, targets = good.measured.joint_position, HELD.targets
+    path, out = tmp_path / "a.log", tmp_path / "a.gait"
+    for part, what in (
+        (with_joints(good, np.degrees(joints), np.degrees(targets)), "asked for"),
+        (with_joints(good, np.degrees(joints)), "shown"),
+    ):
+        save_log(log_with(part), path)
+        assert run(["identify", "res", str(path), "-o", str(out)]) == 2
+        said = capsys.readouterr().err
+        assert f"rad are {what} of " in said
+        assert "in the motion 'held up', its range is" in said
+        assert "not in degrees" in said
+        assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_few_spoilt_rows_are_no_degrees(good):
+    joints = good.measured.joint_position.copy()
+    joints[::20] = 100.0
+    check_units(RES.legs, [with_joints(good, joints)])
+
+
+@pytest.mark.parametrize(
+    ("scale", "said"), [(0.0, "shows 0 m/s.2"), (1.0 / 9.81, "shows 1 m/s.2")]
+)
+def test_an_imu_without_gravity_is_refused(scale, said, good):
+    """One that was not read, and one whose values are parts of g."""
+    felt = scale * good.measured.acceleration
+    part = MotionLog(HELD, replace(good.measured, acceleration=felt))
+    with pytest.raises(LogError, match=f"{said} .* 6.87 to 12.8 can be"):
+        fit_logs(RES, [log_with(part)], 1, quiet)
+    none = np.full_like(felt, np.nan)
+    check_units(RES.legs, [MotionLog(HELD, replace(good.measured, acceleration=none))])
 
 
 def test_a_log_in_which_nothing_moves_is_refused(good):

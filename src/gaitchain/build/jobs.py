@@ -5,6 +5,7 @@ and the number of a job in it say what a result is of, in whatever order jobs fi
 and the library of a resumed build has the same bytes.
 """
 
+import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -18,11 +19,26 @@ from joblib import Parallel, delayed
 
 from gaitchain.build.journal import Journal
 from gaitchain.build.workers import can_stream
+from gaitchain.errors import WorkerError
 
 _T = TypeVar("_T")
 # Jobs for each process that are handed over together where no result comes before the
 # last one: an interrupt loses so many at most, and whoever is done earlier waits.
 _AT_ONCE = 8
+# By which a backend says that a process of its was killed, as for want of memory. Those
+# of a backend that is not in use are not imported.
+_KILLED = (
+    ("joblib.externals.loky.process_executor", "BrokenProcessPool"),
+    ("distributed", "KilledWorker"),
+    ("ray.exceptions", "RayActorError"),
+    ("ray.exceptions", "WorkerCrashedError"),
+    ("ray.exceptions", "OutOfMemoryError"),
+)
+_KILLED_AGAIN = (
+    "processes that work were killed {} times, and none of the {} jobs that are left "
+    "was finished in between; memory may be short: give fewer --workers, or 1"
+)
+_TRIES = 3  # of jobs none of which is finished before a process is killed
 # Meshes of a robot's own model let a process grow by the 300 MB at which joblib starts
 # another one in its place. That keeps the memory bounded, and is no news to a user.
 warnings.filterwarnings("ignore", message="A worker stopped while some jobs")
@@ -105,7 +121,7 @@ def run_jobs(
         stage = kept.begin(work.__name__ + of, len(jobs))
         done = kept.take(stage, result)
     missing = [(n, work, *job) for n, job in enumerate(jobs) if n not in done]
-    arriving = _arrivals(missing, workers, batch_size)
+    arriving = arrivals(missing, workers, batch_size)
     for number in range(len(jobs)):
         while number not in done:
             arrived, came = next(arriving)
@@ -134,10 +150,43 @@ def run_once(name: str, work: Callable[[], _T], result: type[_T]) -> _T:
     return found[0]
 
 
-def _arrivals(
+def arrivals(
+    jobs: Sequence[tuple[Any, ...]], workers: int, batch_size: int | str = "auto"
+) -> Iterator[tuple[int, Any]]:
+    """Yield number and result of each job in the order in which they arrive.
+
+    What was lost with a process that was killed is sent again.
+
+    Args:
+        jobs: of each its number, the function to call, and its arguments.
+        workers: number of processes.
+        batch_size: number of jobs sent to a process at once.
+
+    Raises:
+        WorkerError: processes are killed again and again, and no job is finished.
+    """
+    missing, tries = {job[0]: job for job in jobs}, 0
+    while missing:
+        try:
+            for number, came in _sent([*missing.values()], workers, batch_size):
+                del missing[number]
+                tries = 0
+                yield number, came
+        except _killed() as error:
+            tries += 1
+            if tries == _TRIES:
+                raise WorkerError(_KILLED_AGAIN.format(tries, len(missing))) from error
+
+
+def _killed() -> tuple[type[Exception], ...]:
+    """Return the errors of killed processes that a backend in use may raise."""
+    loaded = ((sys.modules.get(module), name) for module, name in _KILLED)
+    return tuple(getattr(module, name) for module, name in loaded if module)
+
+
+def _sent(
     jobs: Sequence[tuple[Any, ...]], workers: int, batch_size: int | str
 ) -> Iterator[tuple[int, Any]]:
-    """Yield number and result of each job in the order in which they arrive."""
     calls = (delayed(_numbered)(*job) for job in jobs)
     if can_stream():
         order = "generator_unordered"

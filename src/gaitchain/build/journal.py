@@ -6,10 +6,12 @@ from contextlib import AbstractContextManager
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 from gaitchain.errors import JournalError, file_errors
+from gaitchain.gait.whole_file import replace_file
 
 PACKAGES = ("gaitchain", "mujoco", "numpy", "numba", "scipy", "cmaes")
 """Packages that determine results: another version of one may give other digits."""
@@ -20,15 +22,17 @@ _APART = ("cli", "figures", "live", "service", "bench.py", "dynamixel", "ros")
 class Journal:
     """Results of a run in a file beside its output; the first line identifies the run.
 
-    An incomplete last line is dropped. Numbers are restored to the last bit.
+    An incomplete last line is dropped. Numbers are restored to the last bit. A file of
+    another run stays, under another name, if it has results.
     """
 
-    def __init__(self, path: Path, *subject: object) -> None:
+    def __init__(self, path: Path, *subject: object, criterion: Any = None) -> None:
         """Read an existing file, unless it is of another subject or other code.
 
         Args:
             path: the file.
             subject: everything that determines the results; its `repr` is compared.
+            criterion: by which they are judged, in plain values; the file remembers it.
 
         Raises:
             JournalError: the file cannot be read.
@@ -36,19 +40,26 @@ class Journal:
         digest = hashlib.sha256(code_digest().encode())
         for part in subject:
             digest.update(part if isinstance(part, bytes) else f"{part!r}".encode())
-        self.path, self._header = path, {"of": digest.hexdigest()}
+        self.path, self._of, self._criterion = path, digest.hexdigest(), criterion
+        self.criteria: list[Any] = []
+        """By which earlier runs judged these results, but for that of this run."""
         self.found: list[Any] = []
         """Results of an earlier run, in the order in which they were added."""
         self.greeting = f"{path}: finished work is kept here until the end"
         self._ends: list[int] = []
+        self._aside: Path | None = None
         if path.exists():
             self._read()
 
     def _read(self) -> None:
         with file_errors(self.path, "read", JournalError):
             lines = self.path.read_bytes().splitlines(keepends=True)
-        if not lines or _parsed(lines[0]) != self._header:
+        header = _parsed(lines[0]) if lines else None
+        if not isinstance(header, dict) or header.get("of") != self._of:
             self.greeting = f"{self.path}: of other work or code; starting anew"
+            if len(lines) > 1:
+                self._aside = self._unused()
+                self.greeting += f", what it has is kept in {self._aside.name}"
             return
         self._ends.append(len(lines[0]))
         for line in lines[1:]:
@@ -57,21 +68,39 @@ class Journal:
                 break
             self.found.append(piece)
             self._ends.append(self._ends[-1] + len(line))
+        if self.found:
+            kept = header.get("criteria", [])
+            self.criteria = [known for known in kept if known != self._criterion]
         self.greeting = f"{self.path}: going on after {len(self.found)} finished pieces"
 
+    def _unused(self) -> Path:
+        """Return the first of the names for files of other runs that no file has."""
+        names = (f"{self.path.name}.old{number}" for number in count(1))
+        paths = map(self.path.with_name, names)
+        return next(path for path in paths if not path.exists())
+
     def __enter__(self) -> "Journal":
-        """Open the file and drop what cannot be used.
+        """Open the file; drop what cannot be used, but for results of another run.
 
         Raises:
             JournalError: the file cannot be written, as in all that follows.
         """
         with self._writing():
-            self._file = self.path.open("r+b" if self._ends else "wb")
-        if self._ends:
-            self.keep(len(self.found))
-        else:
-            self._write(self._header)
+            if self._aside is not None:
+                self.path.rename(self._aside)
+            self._head()
+            self._file = self.path.open("r+b")
+        self.keep(len(self.found))
         return self
+
+    def _head(self) -> None:
+        """Write the first line, which has the criterion of this run, too."""
+        own = [] if self._criterion is None else [self._criterion]
+        header = _line({"of": self._of, "criteria": self.criteria + own})
+        ends = self._ends or [0]
+        rest = self.path.read_bytes()[ends[0] :] if self._ends else b""
+        replace_file(self.path, header + rest)
+        self._ends = [end - ends[0] + len(header) for end in ends]
 
     def __exit__(self, *unused: object) -> None:
         """Close the file without deleting it."""
@@ -96,7 +125,7 @@ class Journal:
 
     def _write(self, value: object) -> None:
         with self._writing():
-            self._file.write(json.dumps(value).encode() + b"\n")
+            self._file.write(_line(value))
             self._file.flush()
 
     def _writing(self) -> AbstractContextManager[None]:
@@ -113,6 +142,10 @@ def code_digest() -> str:
         if path.suffix in (".py", ".toml") and not set(parts) & set(_APART):
             digest.update(f"{parts}".encode() + path.read_bytes())
     return digest.hexdigest()
+
+
+def _line(value: object) -> bytes:
+    return json.dumps(value).encode() + b"\n"
 
 
 def _parsed(line: bytes) -> Any:

@@ -7,7 +7,6 @@ from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
@@ -21,11 +20,12 @@ from gaitchain.build.grid import (
     grid_world,
     plan_jobs,
 )
+from gaitchain.build.jobs import arrivals
 from gaitchain.build.push import impulse_scale
 from gaitchain.build.rollout import PhysicsCost, WalkResult
 from gaitchain.build.trial import without_caution
 from gaitchain.build.usual_errors import StepErrors, errors_of
-from gaitchain.build.workers import Crew, can_stream, in_round
+from gaitchain.build.workers import Crew, in_round
 from gaitchain.chain.layered_chain import FloatArray, IntArray
 from gaitchain.chain.sampling import Mask, cover_pairs
 from gaitchain.gait.family import STAND
@@ -212,12 +212,9 @@ def _walk_all(
 ) -> Iterator[GridRun]:
     """Yield the results in the order in which the walks finish."""
     scale_ns = impulse_scale(library)[2]
-    calls = [delayed(_walk)(library, job, entropy, scale_ns) for job in jobs]
-    streams = can_stream()
-    size = max(len(calls), 1) if streams else 8 * workers
-    pool = Parallel(workers, return_as="generator_unordered" if streams else "list")
-    for first in range(0, len(calls), size):
-        yield from pool(calls[first : first + size])
+    calls = [(n, _walk, library, job, entropy, scale_ns) for n, job in enumerate(jobs)]
+    for _, run in arrivals(calls, workers):
+        yield run
 
 
 class _Tally:

@@ -23,7 +23,7 @@ from gaitchain.cli.console import (
 )
 from gaitchain.cli.options import Build
 from gaitchain.discover.loaded_robot import load_robot, robot_file
-from gaitchain.errors import GaitchainError, JournalError, LibraryError
+from gaitchain.errors import GaitchainError, LibraryError, UnfinishedError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library, save_library
@@ -118,8 +118,8 @@ def _build(
             library, report = build_library(
                 config, tell, workers or available_cores(), robot
             )
-    except JournalError:
-        raise  # with room for it, what is finished goes on
+    except UnfinishedError:
+        raise  # what is finished goes on
     except GaitchainError:
         journal.remove()
         raise

@@ -26,12 +26,13 @@ from rich.text import Text
 
 from gaitchain.cli.endings import interrupts_kept
 from gaitchain.cli.options import ReportOptions
-from gaitchain.errors import CommandError, JournalError
+from gaitchain.errors import CommandError, UnfinishedError
+from gaitchain.gait.file_kind import Kind, kind_of
 
 _T = TypeVar("_T")
 Tell = Callable[[str, int, int], None]
 _STDOUT = Path("-")
-_PICTURE = ".png"
+_PICTURE, _TABLE = ".png", ".toml"
 _TENTHS = 10  # progress lines per stage if standard error is no terminal
 
 
@@ -73,6 +74,7 @@ def reporting(
     """
     path, report = options.json, Report()
     check_files([path], named)
+    check_replaced(path, "the results")
     told, alone = not options.quiet, path == _STDOUT
     output = _Output(told and (talks or not alone), told, aside=alone)
     token = _output.set(output)
@@ -86,10 +88,10 @@ def reporting(
 
 @contextmanager
 def resumable(path: Path) -> Iterator[None]:
-    """Say where finished work is kept, when the user or a full disk ends the rest."""
+    """Say where finished work is kept, where the rest of it ends before it is done."""
     try:
         yield
-    except (KeyboardInterrupt, JournalError):
+    except (KeyboardInterrupt, UnfinishedError):
         if path.exists():  # else not even the first one could be kept
             say(f"{path}: what is finished; the same command goes on from there")
         raise
@@ -284,6 +286,24 @@ def check_files(written: Iterable[Path | None], read: Iterable[Path | None]) -> 
                 "file"
             )
         taken.add(path.resolve())
+
+
+def check_replaced(path: Path | None, what: str, wanted: Kind | None = None) -> None:
+    """Refuse to replace a library, a record, a log or a TOML file by something else.
+
+    Args:
+        path: to be written; None where nothing is.
+        what: will be in it, for the message.
+        wanted: what of these it may replace.
+
+    Raises:
+        CommandError: the file is there, and something else.
+    """
+    if path is None or not path.is_file():  # or a pipe
+        return
+    found = "a robot's TOML file" if path.suffix == _TABLE else kind_of(path, wanted)
+    if found:
+        raise CommandError(f"{path}: {found}; name another file for {what}")
 
 
 def make_folder(path: Path) -> Path:

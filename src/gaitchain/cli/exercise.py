@@ -13,7 +13,7 @@ from gaitchain.backends.dynamixel import (
     ServoBusEmulator,
 )
 from gaitchain.backends.dynamixel.calibration import LOW_PWM, MOST_PWM
-from gaitchain.cli.console import check_files, progress, say
+from gaitchain.cli.console import check_files, check_replaced, progress, say
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.mixtures import refuse
 from gaitchain.cli.options import Calibrate
@@ -55,6 +55,7 @@ def run_exercise(options: Calibrate) -> tuple[int, dict[str, Any]]:
     robot, result = library.robot.nominal, dict[str, Any]()
     written = options.exercise, options.preview, options.report.json
     check_files(written, [Path(options.library), options.calibration])
+    check_replaced(options.exercise, "the log", "the log of an exercise")
     if options.preview is not None:  # before any motor moves
         result["preview"] = _draw(library, options.preview)
     if options.exercise is not None:

@@ -20,7 +20,7 @@ from gaitchain.cli.console import (
 )
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import GetUp as Options
-from gaitchain.errors import CommandError, GaitchainError, JournalError, LibraryError
+from gaitchain.errors import CommandError, GaitchainError, LibraryError, UnfinishedError
 from gaitchain.figures.replay import Recording, write_replay
 from gaitchain.gait.get_up import SIDES, GetUp, Side, load_get_up, save_get_up
 from gaitchain.gait.library_file import library_bytes
@@ -91,8 +91,8 @@ def _search(options: Options, subject: Subject) -> GetUp:
         with resumable(journal.path), keeping(journal), progress() as tell:
             ways = search_ways(subject, _sides(options), effort, tell)
             found = assemble(subject, ways)
-    except JournalError:
-        raise  # with room for it, what is finished goes on
+    except UnfinishedError:
+        raise  # what is finished goes on
     except GaitchainError:
         journal.remove()
         raise

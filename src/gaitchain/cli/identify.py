@@ -25,7 +25,7 @@ from gaitchain.figures.identification import Compared, plot_missed
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, save_library
 from gaitchain.identify.adapt import adapt
-from gaitchain.identify.fit import Fit, Found, fit_logs
+from gaitchain.identify.fit import Fit, Found, checked_parts, fit_logs
 from gaitchain.identify.log import ExerciseLog, load_log
 from gaitchain.robot.robot import Robot
 
@@ -60,6 +60,7 @@ def run(options: Identify) -> tuple[int, dict[str, Any]]:
     check_files(written, [Path(options.library), *options.logs])
     if options.picture is not None:
         check_picture(options.picture)
+    checked_parts(library.robot, logs)  # before a journal is begun
     journal = _begun(options, library)
     fit, fitted = _identified(options, library, logs, journal)
     save_library(fitted, options.output)
@@ -113,13 +114,19 @@ def _logs(paths: Sequence[Path]) -> list[ExerciseLog]:
     """Read the logs.
 
     Raises:
-        CommandError: there is none, or the same one twice.
+        CommandError: there is none, or two have the same content.
     """
     if not paths:
         raise CommandError("identify: give a log, which `calibrate --exercise` writes")
-    if len({path.resolve() for path in paths}) < len(paths):
-        raise CommandError("identify: a log is named twice; it tells things only once")
-    return [load_log(path) for path in paths]
+    logs = [load_log(path) for path in paths]
+    contents = [path.read_bytes() for path in paths]
+    for i, content in enumerate(contents):
+        first = contents.index(content)
+        if first < i:
+            raise CommandError(
+                f"{paths[i]}: the same log as {paths[first]}; it tells things only once"
+            )
+    return logs
 
 
 def _figures(fitted: GaitLibrary, fit: Fit) -> dict[str, Any]:

@@ -1,7 +1,8 @@
 """`gaitchain qualify --bound`: show that a library falls less often than a bound."""
 
-from collections.abc import Iterable
-from dataclasses import asdict
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +10,14 @@ from gaitchain.build.journal import Journal
 from gaitchain.cli.cluster import journaled_crew
 from gaitchain.cli.console import make_folder, print_table, say
 from gaitchain.cli.options import Qualify
+from gaitchain.errors import LibraryError
 from gaitchain.figures.proof_report import write_report
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.library_file import library_bytes, save_library
-from gaitchain.gait.qualification import ProofReport, Stratum
+from gaitchain.gait.library_file import library_bytes, load_library, save_library
+from gaitchain.gait.qualification import EarlierCriterion, ProofReport, Stratum
 from gaitchain.proof.fall_rate import (
     check_length,
+    describe_before,
     describe_chosen,
     prove,
     usual_steps,
@@ -39,10 +42,13 @@ def prove_bound(
         options.bound, options.confidence, options.seconds, options.most_steps
     )
     journal = _begun(library.proven(None), criterion, out)
+    before = _seen(library, criterion, journal, out)
+    if before:
+        say(describe_before(before))
     if options.pages is not None:
         make_folder(options.pages)
     with journaled_crew(options, journal) as crew:
-        found = prove(library, criterion, crew)
+        found = _remembering(prove(library, criterion, crew), before)
         measures = None
         if options.pages is not None:
             measures = measure(found, criterion, options.report_walks, crew)
@@ -66,19 +72,58 @@ def _begun(plain: GaitLibrary, criterion: Criterion, out: Path) -> Journal:
     """Open the journal of a library without a proof, and say how much will be walked.
 
     Walks depend on their length alone, so that another bound goes on from those that
-    were drawn before the first chosen ones (`fall_rate`), whose turn depends on it.
+    were drawn before the first chosen ones (`fall_rate`), whose turn depends on it; the
+    journal remembers which were tried.
 
     Raises:
         CommandError: the walks would be too short.
     """
     check_length(plain, criterion)
     path = out.with_name(f"{out.name}.proof.jsonl")
-    journal = Journal(path, library_bytes(plain), criterion.seconds)
+    tried = [criterion.bound, criterion.confidence]
+    of = library_bytes(plain), criterion.seconds
+    journal = Journal(path, *of, criterion=tried)
     say(journal.greeting)
     usual = usual_steps(plain, criterion)
     need = steps_needed(criterion.bound, criterion.confidence, usual)
     say(_NEED.format(need, usual, criterion.limit))
     return journal
+
+
+def _seen(
+    library: GaitLibrary, criterion: Criterion, journal: Journal, out: Path
+) -> tuple[EarlierCriterion, ...]:
+    """Return the other criteria with which walks of the library were seen.
+
+    Those of the journal, and of proofs in the library and in the file that is replaced:
+    the same library gives the same walks, so that whoever saw them knows what comes.
+    """
+    seconds = criterion.seconds
+    known = [EarlierCriterion(b, c, seconds) for b, c in journal.criteria]
+    for proof in _proofs(library, out):
+        known += [*proof.before, proof.criterion]
+    own = EarlierCriterion(criterion.bound, criterion.confidence, seconds)
+    return tuple(each for each in dict.fromkeys(known) if each != own)
+
+
+def _proofs(library: GaitLibrary, out: Path) -> Iterator[ProofReport]:
+    """Yield the proofs of a library that are in itself and in an existing output."""
+    found, plain = [library], library_bytes(library.proven(None))
+    with suppress(LibraryError):
+        found.append(load_library(out))
+    for each in found:
+        proof = each.qualification.proof
+        if proof is not None and library_bytes(each.proven(None)) == plain:
+            yield proof
+
+
+def _remembering(
+    library: GaitLibrary, before: tuple[EarlierCriterion, ...]
+) -> GaitLibrary:
+    """Return a library whose proof has the criteria that were tried before."""
+    proof = library.qualification.proof
+    assert proof is not None  # set by `prove`
+    return library.proven(replace(proof, before=before))
 
 
 def _show(library: GaitLibrary, report: ProofReport) -> None:

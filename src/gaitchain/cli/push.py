@@ -19,7 +19,7 @@ from gaitchain.cli.console import check_picture, print_table, say, watched
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Push
 from gaitchain.cli.world_options import (
-    check_doubt,
+    check_effects,
     wants_feedback,
     world_json,
     world_numbers,
@@ -38,7 +38,7 @@ def run(options: Push) -> tuple[int, dict[str, Any]]:
         check_picture(options.output)
     library = read_library(options.library)
     Walker(library)  # refuses an unqualified library before any work
-    check_doubt(fixed, library.robot)
+    check_effects(fixed, library.robot)
     _check_speed(options.vx, library)
     tests = run_pushes(
         PushedWalk(library, options.vx, fixed, feedback, options.body),

@@ -17,7 +17,7 @@ from gaitchain.cli.mixtures import refuse
 from gaitchain.cli.options import Trial
 from gaitchain.cli.world_options import (
     check_crouch,
-    check_doubt,
+    check_effects,
     check_pushes,
     read_schedule,
     wants_feedback,
@@ -44,7 +44,7 @@ def run(options: Trial) -> tuple[int, dict[str, Any]]:
         find_robot_file(options.own_model)  # tells a missing file before any work
     library = read_library(options.library)
     Walker(library)  # refuses an unqualified library before any work
-    check_doubt(fixed, library.robot)
+    check_effects(fixed, library.robot)
     check_crouch(options.crouch, library)
     random = options.schedule == _RANDOM
     _check_seconds(options, library)

@@ -39,7 +39,7 @@ from gaitchain.cli.waypoints import (
 )
 from gaitchain.cli.world_options import (
     check_crouch,
-    check_doubt,
+    check_effects,
     check_pushes,
     check_pushes_on_way,
     read_schedule,
@@ -194,11 +194,11 @@ def _check_way(options: Walk) -> tuple[Place, ...]:
 def _library(options: Walk, given: Mapping[str, Any]) -> tuple[GaitLibrary, float]:
     if options.library is not None:
         library = read_library(options.library, _must_be(options))
-        check_doubt(given, library.robot)
+        check_effects(given, library.robot)
         return library, 0.0
     robot = options.robot or _ROBOT
     loaded = load_robot(robot, options.profile)  # reports a bad file before any work
-    check_doubt(given, loaded)
+    check_effects(given, loaded)
     profile = None if options.profile is None else str(options.profile)
     config = BuildConfig(robot=robot, profile=profile, seed=options.seed)
     stem = Path(robot).stem

@@ -161,20 +161,35 @@ def _latest_s(pushes: Sequence[Push]) -> float:
     return max((push.at_s for push in pushes), default=-math.inf)
 
 
-def check_doubt(numbers: Mapping[str, Any], robot: Robot) -> None:
-    """Refuse to doubt a robot of which nothing was identified, before any work.
+def check_effects(numbers: Mapping[str, Any], robot: Robot) -> None:
+    """Refuse numbers that would do nothing to a robot, before any work.
 
     Args:
         numbers: of the world, as `world_numbers` returns them.
         robot: that walks.
 
     Raises:
-        CommandError: it is that of its file.
+        CommandError: it is doubted, and nothing was identified of it; or a disturbance
+            comes without the one that it is a part of.
     """
     try:
         likely_robot(robot, World(doubt=numbers.get("doubt", 0.0)))
     except CommandError as error:
         raise CommandError(f"--doubt: {error}") from None
+    for name, disturbance in DISTURBANCES.items():
+        needed = disturbance.needs
+        alone = needed and not numbers.get(needed) and not _has(robot, needed)
+        if alone and numbers.get(name):
+            option, other = (
+                each.option.replace("_", "-")
+                for each in (disturbance, DISTURBANCES[needed])
+            )
+            raise CommandError(f"--{option} has no effect without --{other}")
+
+
+def _has(robot: Robot, disturbance: str) -> bool:
+    """Return whether a robot has a disturbance by its file or by its log."""
+    return disturbance == "dry_friction" and bool(robot.legs.friction_loss.any())
 
 
 def check_crouch(crouch: float, library: GaitLibrary) -> None:

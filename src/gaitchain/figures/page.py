@@ -29,8 +29,14 @@ def bullets(parent: Any, items: Iterable[str]) -> None:
 
 
 def table(parent: Any, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Append a table; without heads the first cell of a row names the second."""
-    own = ElementTree.SubElement(parent, "table")
+    """Append a table; without heads the first cell of a row names the second.
+
+    Where a screen is narrow, a table with heads (class "wide") is to be scrolled within
+    itself; in one of names and values (class "pairs") values are to be broken.
+    """
+    kind = "wide" if heads else "pairs"
+    frame = ElementTree.SubElement(parent, "div", {"class": kind})
+    own = ElementTree.SubElement(frame, "table")
     if heads:
         row = ElementTree.SubElement(own, "tr")
         for head in heads:

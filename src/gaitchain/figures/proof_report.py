@@ -32,7 +32,7 @@ from gaitchain.gait.command_range import AXES
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
 from gaitchain.gait.qualification import ProofReport, StepStratum, Stratum
-from gaitchain.proof.fall_rate import describe_chosen, walk_length
+from gaitchain.proof.fall_rate import describe_before, describe_chosen, walk_length
 from gaitchain.proof.measures import Measures, measure_seeds
 from gaitchain.proof.proof_walks import BANK, CHOSEN, Criterion, mild_cells, seed_of
 from gaitchain.proof.step_strata import SELDOM
@@ -48,6 +48,8 @@ _STYLE = (
     "margin:.5rem 0}td,th{padding:.2rem .8rem .2rem 0;text-align:left;border-bottom:"
     "1px solid #ccd}img{max-width:100%}.verdict{font-size:1.2rem;padding:.6rem 1rem;"
     "border-left:6px solid #1f6fb4;background:#eef3f8}code{word-break:break-all}"
+    "body{overflow-wrap:break-word}.wide{overflow-x:auto}"
+    ".pairs td+td{overflow-wrap:anywhere}"
 )
 _VERDICTS = {
     "below": "It falls in fewer than {bound} of its steps, with {sure} confidence.",
@@ -55,6 +57,8 @@ _VERDICTS = {
     "open": "Whether it falls in fewer than {bound} of its steps is not known: the "
     "walks that were allowed did not suffice.",
 }
+_FIXED = "Criterion, fixed before the first walk"
+_CHOSEN_LATER = "Criterion, chosen after walks had been seen"
 _STRATA = (
     "The criterion is of all walks. Rows below the first divide them by the model of "
     "the contact, the kind of the disturbance and its level; they are for information, "
@@ -232,14 +236,17 @@ class _Report(NamedTuple):
         return ElementTree.tostring(root, encoding="unicode", method="html")
 
     def _before(self, body: Any) -> None:
-        """Append what was fixed before the first walk."""
+        """Append what was tested, and by which criterion."""
         add(body, "h2", "What was tested")
         table(body, (), self.facts["origin"].items())
         robot_section(body, self.library.robot)
         add(body, "h2", "Declared use")
         _uses(body, self.library, self.proof)
-        add(body, "h2", "Criterion, fixed before the first walk")
+        before = self.proof.before
+        add(body, "h2", _CHOSEN_LATER if before else _FIXED)
         add(body, "p", _criterion(self.criterion))
+        if before:
+            add(body, "p", describe_before(before))
 
     def _result(self, body: Any) -> None:
         proof = self.proof
@@ -310,6 +317,8 @@ def _verdict(proof: ProofReport) -> str:
     if more:
         words += f" Of {len(more.names)} more walks, where none was drawn, "
         words += f"{more.falls} fell."
+    if proof.before:
+        words += " Walks had been seen before this bound was chosen."
     return f"{words} In simulation only."
 
 

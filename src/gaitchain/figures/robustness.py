@@ -18,6 +18,7 @@ from gaitchain.sim.world import Push
 
 _COLOURS = "cividis"  # readable with any colour vision, dark for falls
 _ROW_IN, _COLUMN_IN = 0.21, 0.78
+_BEYOND = 2.0  # times the hardest run: how far from the middle an interval is shown
 _BRIGHT = 0.55  # pass rate above which the numbers are dark
 
 
@@ -117,19 +118,30 @@ def plot_pushes(
         # Forward points up.
         axes = figure.add_subplot(projection="polar", theta_offset=0.5 * math.pi)
         _draw_runs(axes, results)
-        axes.fill_between(
-            angle, low, high, color=FEET[0], alpha=0.25, lw=0, label=interval
-        )
+        rim, cut = _rim(results)
+        name = f"{interval}, beyond the rim too" if cut else interval
+        axes.fill_between(angle, low, high, color=FEET[0], alpha=0.25, lw=0, label=name)
         median = [r.impulse_ns for r in ring]
         axes.plot(angle, median, color=MEASURED, marker="o", label="half of them fall")
-        highest = np.concatenate([r.critical_ns for r in results]).max()
-        axes.set_ylim(0.0, 1.05 * max(float(highest), 1.0))
+        axes.set_ylim(0.0, rim)
         axes.set_xticks(angle[:-1], [_side(r.direction_deg) for r in results])
         pushed = "a body drawn for each run" if body == ANY_BODY else body
         axes.set_title(
             f"{title}\npush on {pushed} [N s]; m sqrt(g h) = {scale_ns:.1f} N s"
         )
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=3)
+
+
+def _rim(results: Sequence[PushResult]) -> tuple[float, bool]:
+    """Return the impulse at the rim [N s], and whether an interval goes beyond it.
+
+    Few runs leave intervals beside which nothing else would be seen.
+    """
+    runs = float(np.concatenate([r.critical_ns for r in results]).max())
+    ends = np.array([r.interval_ns[1] for r in results])
+    end = float(ends.max(initial=0.0, where=~np.isnan(ends)))
+    most = _BEYOND * max(runs, 1.0)
+    return 1.05 * max(runs, min(end, most), 1.0), end > 1.05 * most
 
 
 def _draw_runs(axes: Any, results: Sequence[PushResult]) -> None:

@@ -210,6 +210,22 @@ class ChosenWalks:
 
 
 @dataclass(frozen=True)
+class EarlierCriterion:
+    """By which walks of a library were judged before another criterion was chosen."""
+
+    bound: float
+    """Falls per step."""
+    confidence: float
+    seconds: float
+    """Length of each walk's schedule, if it counts time [s]."""
+
+    def describe(self) -> str:
+        """Say it for a person."""
+        sure = f"{100.0 * self.confidence:g} % confidence"
+        return f"{self.bound:g} with {sure} in walks of {self.seconds:g} s"
+
+
+@dataclass(frozen=True)
 class ProofReport:
     """Result of a test whether a library falls less often than a bound."""
 
@@ -238,6 +254,13 @@ class ProofReport:
     chosen: ChosenWalks | None = None
     """Walks after the test was sure of "below"; None if it was not, or if draws had met
     each world and contact model. Proofs of before have none."""
+    before: tuple[EarlierCriterion, ...] = ()
+    """Criteria with which walks had been seen before that of this proof was chosen."""
+
+    @property
+    def criterion(self) -> EarlierCriterion:
+        """What it was judged by, as the next proof remembers it."""
+        return EarlierCriterion(self.bound, self.confidence, self.seconds)
 
     @property
     def all_walks(self) -> Stratum:
@@ -258,7 +281,8 @@ class ProofReport:
         if self.verdict == "open":
             return f"neither fewer nor more than {falls} is sure; raise --most-steps"
         than = "fewer" if self.verdict == "below" else "more"
-        return f"{than} than {falls}, with {100.0 * self.confidence:g} % confidence"
+        said = f"{than} than {falls}, with {100.0 * self.confidence:g} % confidence"
+        return f"{said}, after other criteria" if self.before else said
 
 
 @dataclass(frozen=True)

@@ -25,10 +25,9 @@ from itertools import accumulate, count
 from typing import NamedTuple
 
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
-from gaitchain.build.jobs import run_once
+from gaitchain.build.jobs import arrivals, run_once
 from gaitchain.errors import LogError
 from gaitchain.identify.joint_search import Group, JointSearch
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog
@@ -43,6 +42,8 @@ from gaitchain.identify.parameters import (
 from gaitchain.identify.refusals import (
     check_content,
     check_explained,
+    check_names,
+    check_units,
     encoder_noise,
 )
 from gaitchain.identify.simulated import replay
@@ -145,13 +146,14 @@ def fit_logs(
 
     Raises:
         LogError: a log is of another robot, or of another control period, or has gaps,
-            or joints that were not measured or did not move; no replay stays on its
-            feet, or none comes nearer to the log than that of the file's robot.
+            other joints or units, or joints that were not measured or did not move; no
+            replay stays on its feet, or none comes nearer to the log than that of the
+            file's robot.
     """
-    parts = _parts_of(robot, logs)
-    robot, pool = robot.nominal, Parallel(workers)
+    parts = checked_parts(robot, logs)
+    robot = robot.nominal
     parameters = Parameters(robot.legs.joint_names)
-    motions = [_Motion(robot, part, parameters, pool) for part in parts]
+    motions = [_Motion(robot, part, parameters, workers) for part in parts]
     belief, leans = _fit_motions(motions, parameters, tell)
     belief = _as_seen(parameters, belief, parts)
     missed = _missed_of(robot, motions, leans, parameters.read(belief.mean)[0])
@@ -179,11 +181,20 @@ def _fit_motions(
     return belief, leans
 
 
-def _parts_of(robot: Robot, logs: Sequence[ExerciseLog]) -> list[MotionLog]:
-    """Return the motions of all logs, which can be fitted."""
+def checked_parts(robot: Robot, logs: Sequence[ExerciseLog]) -> list[MotionLog]:
+    """Return the motions of all logs, which can be fitted.
+
+    Args:
+        robot: as in its file.
+        logs: of exercises.
+
+    Raises:
+        LogError: one cannot be fitted to this robot.
+    """
     for log in logs:
         _check(robot, log)
     parts = [part for log in logs for part in log.parts]
+    check_units(robot.legs, parts)
     check_content(robot.legs.joint_names, parts)
     return parts
 
@@ -242,6 +253,7 @@ def _check(robot: Robot, log: ExerciseLog) -> None:
             f"the log is of {log.robot} ({log.fingerprint}), the library of "
             f"{nominal.name} ({nominal.fingerprint}); give a log of that robot"
         )
+    check_names(nominal, log.joint_names)
     if abs(period_s - CONTROL_PERIOD_S) > 1e-9:
         raise LogError(
             f"the log has a row every {1e3 * period_s:g} ms, a replay needs one "
@@ -307,10 +319,10 @@ class _Motion:
     """One motion of a log, and replays of it."""
 
     def __init__(
-        self, robot: Robot, log: MotionLog, parameters: Parameters, pool: Parallel
+        self, robot: Robot, log: MotionLog, parameters: Parameters, workers: int
     ) -> None:
         self._robot, self._log, self._parameters = robot, log, parameters
-        self._pool, self._joints = pool, len(robot.legs.joint_names)
+        self._workers, self._joints = workers, len(robot.legs.joint_names)
         self.support = log.motion.support
         measured = _columns(log.measured, len(log.motion.targets))
         self._present = np.isfinite(measured)
@@ -407,11 +419,12 @@ class _Motion:
 
     def _replays(self, vectors: Sequence[Array] | Array) -> list[Measured]:
         read = [self._parameters.read(vector) for vector in vectors]
-        jobs = (
-            delayed(replay)(self._robot.as_identified(found), self._log.motion, lean)
-            for found, lean in read
-        )
-        return list(self._pool(jobs))
+        jobs = [
+            (n, replay, self._robot.as_identified(found), self._log.motion, lean)
+            for n, (found, lean) in enumerate(read)
+        ]
+        came = dict(arrivals(jobs, self._workers))
+        return [came[n] for n in range(len(jobs))]
 
     def _table(self, seen: Measured) -> Array:
         """Return measured less replayed; nothing where a sensor is missing."""

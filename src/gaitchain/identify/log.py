@@ -6,8 +6,9 @@ One safetensors file; the same motions on the same simulated robot give the same
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
+import msgspec
 import numpy as np
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
@@ -25,12 +26,21 @@ _COLUMNS = (
     "time_s",
 )
 _LATE = 3.0  # periods by which rows may be late; beyond, `live.clock` leaves some out
-_MALFORMED = (
-    *(SafetensorError, KeyError, TypeError, ValueError),
-    *(OverflowError, RecursionError),
-)
+_MALFORMED = SafetensorError, ValueError, OverflowError, RecursionError
 _LEAST_S = 2.0
 _MOST_BYTES = 64_000_000  # a minute at 1 kHz has 15
+
+
+class _Header(msgspec.Struct):
+    """What a log says of itself."""
+
+    kind: str
+    schema: int
+    robot: str
+    fingerprint: str
+    joint_names: tuple[str, ...]
+    period_s: float
+    supports: tuple[Support, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,53 +144,90 @@ def load_log(path: Path) -> ExerciseLog:
             )
         data = path.read_bytes()
     try:
-        size = int.from_bytes(data[:8], "little")
-        header = json.loads(json.loads(data[8 : 8 + size])["__metadata__"][_KEY])
-        if other := other_kind(header, "the log of an exercise"):
-            raise ValueError(other)
-        if (header["kind"], header["schema"]) != (_KIND, _SCHEMA):
-            raise ValueError("of another kind")
-        return _checked(header, load(data))
+        return _checked(_header_of(data), _arrays_of(data))
     except _MALFORMED as error:
         raise LogError(
             f"{path}: not a log that `gaitchain calibrate --exercise` wrote ({error})"
         ) from None
 
 
-def _checked(header: dict[str, Any], arrays: dict[str, Any]) -> ExerciseLog:
-    names, period_s = tuple(map(str, header["joint_names"])), float(header["period_s"])
-    if not header["supports"] or not 0.001 <= period_s <= 0.1:
-        raise ValueError("no motion, or no control period")
+def _header_of(data: bytes) -> _Header:
+    """Return the header of a log, or raise what tells why there is none."""
+    if not data:
+        raise ValueError("it is empty")
+    size, outer = int.from_bytes(data[:8], "little"), dict[str, Any]
+    try:
+        plain = msgspec.json.decode(data[8 : 8 + size], type=outer)
+    except msgspec.DecodeError:
+        raise ValueError("it has no header of safetensors") from None
+    notes = plain.get("__metadata__")
+    if not isinstance(notes, dict) or _KEY not in notes:
+        raise ValueError(f"its metadata has no entry {_KEY!r}")
+    header = msgspec.json.decode(notes[_KEY], type=outer)
+    if other := other_kind(header, "the log of an exercise"):
+        raise ValueError(other)
+    found = msgspec.convert(header, _Header)
+    if (found.kind, found.schema) != (_KIND, _SCHEMA):
+        is_, wanted = f"{found.kind!r}, {found.schema}", f"{_KIND!r}, {_SCHEMA}"
+        raise ValueError(f"its kind and schema are {is_}, must be {wanted}")
+    return found
+
+
+def _arrays_of(data: bytes) -> dict[str, Any]:
+    try:
+        return load(data)
+    except KeyError as error:  # a type that NumPy does not have
+        raise ValueError(f"numbers are of {error}, must be of float64") from None
+
+
+def _checked(header: _Header, arrays: dict[str, Any]) -> ExerciseLog:
+    names, period_s = header.joint_names, header.period_s
+    if not 0.001 <= period_s <= 0.1:
+        raise ValueError(f"period_s is {period_s:g}, must be 0.001 to 0.1")
+    if not header.supports:
+        raise ValueError("no motion: supports is empty")
     parts = []
-    for i, support in enumerate(header["supports"]):
+    for i, support in enumerate(header.supports):
         of = f"_{i}"
         own = {n.removesuffix(of): a for n, a in arrays.items() if n.endswith(of)}
         parts.append(_part_of(support, own, len(names), period_s))
-    robot, fingerprint = str(header["robot"]), str(header["fingerprint"])
-    return ExerciseLog(robot, fingerprint, names, period_s, tuple(parts))
+    return ExerciseLog(header.robot, header.fingerprint, names, period_s, tuple(parts))
 
 
 def _part_of(
-    support: Any, own: dict[str, Any], joints: int, period_s: float
+    support: Support, own: dict[str, Any], joints: int, period_s: float
 ) -> MotionLog:
-    if support not in get_args(Support):
-        raise ValueError(f"support {support!r}")
-    rows = len(own["target"])
+    missing = [n for n in _COLUMNS if n not in own and n != "time_s"]
+    if missing:
+        raise ValueError(f"the motion {support!r} has no {', '.join(missing)}")
+    rows = len(np.atleast_1d(own["target"]))
     # Logs of before have no times: their rows are taken for those of every period.
     own = {"time_s": period_s * np.arange(rows), **own}
-    widths = {"target": (joints,), "joint_position": (joints,), "time_s": ()}
     columns = {name: own[name] for name in _COLUMNS}
     for name, column in columns.items():
-        shape = rows, *widths.get(name, (3,))
-        if column.shape != shape or column.dtype != np.float64:
-            raise ValueError(f"{name} has shape {column.shape}")
+        _check_column(name, column, rows, joints)
     target = columns.pop("target")
-    if rows * period_s < _LEAST_S or not np.isfinite(target).all():
-        raise ValueError("a motion is too short, or a target no number")
-    if not np.isfinite(columns["time_s"]).all():
-        raise ValueError("a time is no number")
-    for name, column in {"target": target, **columns}.items():
-        most = np.abs(column[np.isfinite(column)]).max(initial=0.0)
-        if name != "time_s" and most > ABSURD:
-            raise ValueError(f"{name} has a value of {most:.3g}, at most {ABSURD:g}")
+    if rows * period_s < _LEAST_S:
+        raise ValueError(
+            f"the motion {support!r} has {rows * period_s:g} s, needs {_LEAST_S:g}"
+        )
+    for name, column in (("target", target), ("time_s", columns["time_s"])):
+        if not np.isfinite(column).all():
+            raise ValueError(f"{name} has a value that is no number")
     return MotionLog(Motion(support, target), Measured(**columns))
+
+
+def _check_column(name: str, column: Any, rows: int, joints: int) -> None:
+    """Refuse numbers of another type or shape, or of a size that none is of."""
+    if column.dtype != np.float64:
+        raise ValueError(f"{name} is of {column.dtype}, must be of float64")
+    widths = {"target": (joints,), "joint_position": (joints,), "time_s": ()}
+    shape = rows, *widths.get(name, (3,))
+    if column.shape != shape:
+        raise ValueError(
+            f"{name} has shape {column.shape}, must be {shape}, by the {rows} rows of "
+            f"target and {joints} joint_names"
+        )
+    most = np.abs(column[np.isfinite(column)]).max(initial=0.0)
+    if name != "time_s" and most > ABSURD:
+        raise ValueError(f"{name} has a value of {most:.3g}, at most {ABSURD:g}")

@@ -12,7 +12,9 @@ import numpy as np
 from gaitchain.errors import LogError
 from gaitchain.identify.log import MotionLog
 from gaitchain.identify.parameters import USUAL_PLAY_RAD
-from gaitchain.messages import Array
+from gaitchain.messages import GRAVITY, Array
+from gaitchain.robot.leg_model import LegModel
+from gaitchain.robot.robot import Robot
 
 _MEASURED = 0.5  # of the rows of a motion, of each joint
 _FOLLOWED = 0.25  # of a target's motion: soft, worn servos that stand show half of it
@@ -20,7 +22,50 @@ _NAMED = 6  # joints in a message
 # RMS that the file's numbers may miss without being improved, in deviations of noise
 # and in steps of usual encoders: so little is what no model has.
 _NOISES, _STEP_RAD = 5.0, 2.0 * math.pi / 4096
+_BEYOND_RAD = 1.0  # of its range: what no joint is asked for or shows
+_SELDOM = 0.1  # of the rows, which may be spoilt
+_OFF = 0.3  # of gravity: the most of a fair accelerometer
 _IMPROVED = 0.9  # of the RMS before: what is left at most of one that is more than that
+
+
+def check_names(robot: Robot, found: Sequence[str]) -> None:
+    """Make sure that a log has the joints of a robot, in their order.
+
+    Args:
+        robot: the robot.
+        found: (2 n,) the log's.
+
+    Raises:
+        LogError: it has others, or one twice, or another order.
+    """
+    wanted = robot.legs.joint_names
+    if len(found) != len(wanted):
+        raise LogError(
+            f"the log has {len(found)} joints, {robot.name} {len(wanted)} in its legs: "
+            f"{', '.join(wanted)}"
+        )
+    for i, (name, own) in enumerate(zip(found, wanted, strict=True), start=1):
+        if name != own:
+            raise LogError(
+                f"joint {i} of the log is {name!r}, of {robot.name} it is {own!r}; the "
+                f"order is {', '.join(wanted)}"
+            )
+
+
+def check_units(legs: LegModel, parts: Sequence[MotionLog]) -> None:
+    """Make sure that angles are in rad, and that accelerometers show gravity.
+
+    Args:
+        legs: of the robot.
+        parts: the motions of all logs of a fit.
+
+    Raises:
+        LogError: they are, or do, not.
+    """
+    for part in parts:
+        _check_angles(legs, part, "asked for", part.motion.targets)
+        _check_angles(legs, part, "shown", part.measured.joint_position)
+        _check_gravity(part)
 
 
 def check_content(joint_names: Sequence[str], parts: Sequence[MotionLog]) -> None:
@@ -80,6 +125,33 @@ def encoder_noise(parts: Sequence[MotionLog]) -> float:
     columns = [own[np.isfinite(own)] for table in bent for own in table.T]
     rms = [np.sqrt(np.mean(own**2) / 6.0) for own in columns if own.size]
     return float(np.median(rms)) if rms else 0.0
+
+
+def _check_angles(legs: LegModel, part: MotionLog, what: str, angles: Array) -> None:
+    out = np.maximum(angles - legs.upper, legs.lower - angles)
+    far = np.nan_to_num(out) > _BEYOND_RAD
+    joint = int(np.argmax(far.sum(axis=0)))
+    if far[:, joint].mean() > _SELDOM:
+        name, low, high = legs.joint_names[joint], legs.lower[joint], legs.upper[joint]
+        worst = angles[np.argmax(np.nan_to_num(out[:, joint])), joint]
+        raise LogError(
+            f"{worst:.4g} rad are {what} of {name} in the motion {_of(part)!r}, its "
+            f"range is {low:.3g} to {high:.3g}, and at most {_BEYOND_RAD:g} beyond it "
+            "can be; angles are in rad, not in degrees"
+        )
+
+
+def _check_gravity(part: MotionLog) -> None:
+    felt = np.linalg.norm(part.measured.acceleration, axis=1)
+    felt = felt[np.isfinite(felt)]
+    middle = float(np.median(felt)) if felt.size else GRAVITY
+    if abs(middle - GRAVITY) > _OFF * GRAVITY:
+        low, high = (1.0 - _OFF) * GRAVITY, (1.0 + _OFF) * GRAVITY
+        raise LogError(
+            f"the accelerometer shows {middle:.3g} m/s^2 in the motion {_of(part)!r}, "
+            f"gravity is {GRAVITY:g}, and {low:.3g} to {high:.3g} can be; give its "
+            "values in m/s^2, and NaN for an IMU that there is not"
+        )
 
 
 def _check_measured(joint_names: Sequence[str], part: MotionLog) -> None:

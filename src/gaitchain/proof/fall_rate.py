@@ -13,6 +13,7 @@ more then, the draws go on.
 
 import math
 from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import replace
 from statistics import fmean
 
@@ -21,7 +22,7 @@ import numpy as np
 from gaitchain.build.workers import Crew
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.qualification import ChosenWalks, ProofReport
+from gaitchain.gait.qualification import ChosenWalks, EarlierCriterion, ProofReport
 from gaitchain.proof.proof_walks import (
     Criterion,
     ProofWalks,
@@ -163,4 +164,13 @@ def describe_chosen(chosen: ChosenWalks) -> str:
         f"each was walked once after the test was sure, {chosen.steps} steps in all, "
         f"and {chosen.falls} of these walks fell. A fall counts against the verdict, "
         "and a walk without one does not count for it."
+    )
+
+
+def describe_before(before: Sequence[EarlierCriterion]) -> str:
+    """Say with which criteria walks had been seen before another one was chosen."""
+    return (
+        "Walks had been seen before this criterion was chosen, with other ones for the "
+        f"falls per step: {'; '.join(each.describe() for each in before)}. The "
+        "confidence is that of a criterion which is fixed before the first walk."
     )
