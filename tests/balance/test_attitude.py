@@ -398,7 +398,7 @@ def test_a_robot_that_comes_to_rest_finds_its_tilt_but_no_bias():
 def test_gravity_shows_roll_and_bias_while_a_robot_sways():
     """The trunk's middle goes 3 cm to either side in 0.8 s, the gyro is wrong."""
     vertical, attitude = (
-        Vertical(CONTROL_PERIOD_S, ankle_rolls=False),
+        Vertical(CONTROL_PERIOD_S, foot_tells_roll=False),
         Attitude(0.06, 0.1),
     )
     bias, omega = np.array([0.01, 0.0, 0.0]), math.tau / 0.8
@@ -412,14 +412,14 @@ def test_gravity_shows_roll_and_bias_while_a_robot_sways():
 
 
 def test_a_curve_does_not_look_like_a_lean():
-    vertical = Vertical(CONTROL_PERIOD_S, ankle_rolls=False)
+    vertical = Vertical(CONTROL_PERIOD_S, foot_tells_roll=False)
     before = Attitude(yaw_rate=0.5)
     felt = np.array([0.0, 0.4 * 0.5, 9.81])  # v times yaw rate, to the middle
     assert vertical.lean(before, felt, 0.4) == before
 
 
 def test_an_impact_counts_no_more_than_half_a_radian():
-    after = Vertical(CONTROL_PERIOD_S, ankle_rolls=False).lean(
+    after = Vertical(CONTROL_PERIOD_S, foot_tells_roll=False).lean(
         Attitude(), np.array([0.0, 500.0, -80.0]), 0.0
     )
     assert 0.0 < after.roll <= 0.4 * 0.5 * CONTROL_PERIOD_S
@@ -428,11 +428,38 @@ def test_an_impact_counts_no_more_than_half_a_radian():
 def test_a_foot_that_stands_on_its_edge_says_nothing_about_roll():
     still, on_edge = Attitude(), Planar(0.1, 0.02)
     flat = Vertical(CONTROL_PERIOD_S).walk(still, on_edge, CONTROL_PERIOD_S)
-    edge = Vertical(CONTROL_PERIOD_S, ankle_rolls=False).walk(
+    edge = Vertical(CONTROL_PERIOD_S, foot_tells_roll=False).walk(
         still, on_edge, CONTROL_PERIOD_S
     )
     assert flat.roll < 0.0 == edge.roll
     assert flat.pitch == edge.pitch < 0.0
+
+
+def test_a_wrong_roll_is_found_though_each_foot_lands_by_it():
+    """A foot that is placed level by an attitude agrees with it, however wrong."""
+    vertical = Vertical(CONTROL_PERIOD_S, foot_tells_roll=False)
+    attitude, up = Attitude(roll=0.05), np.array([0.0, 0.0, 9.81])
+    for _ in range(round(20.0 / CONTROL_PERIOD_S)):
+        attitude = turn_attitude(attitude, -vertical.bias, CONTROL_PERIOD_S)
+        attitude = vertical.lean(attitude, up, 0.3)
+        attitude = vertical.walk(attitude, Planar(0.0, 0.0), CONTROL_PERIOD_S)
+    assert abs(attitude.roll) < 5e-3
+
+
+@pytest.mark.parametrize(
+    ("file", "tells"),
+    [
+        ("unitree_h1/h1.xml", 0),
+        ("unitree_g1/g1.xml", 0),
+        ("booster_t1/t1.xml", 1),
+        ("robotis_op3/op3.xml", 1),
+    ],
+)
+def test_narrow_soles_and_those_without_an_ankle_roll_tell_no_roll(file, tells):
+    path = H1.parents[1] / file
+    if not path.is_file():
+        pytest.skip(f"no {path}; set MENAGERIE_ROOT")
+    assert legs_of(load_robot(str(path))).foot_tells_roll == tells
 
 
 @pytest.mark.skipif(not H1.is_file(), reason=f"no {H1}; set MENAGERIE_ROOT")

@@ -3,7 +3,8 @@
 The gyro is integrated. Its drift is corrected by the accelerometer while the robot
 stands, and while it walks by the support foot, which lies flat on a ground whose slope
 was measured while standing. A foot whose ankle does not roll stands on an edge of its
-sole and says nothing about roll: there the accelerometer goes on, slowly. Ours.
+sole and says nothing about roll; a narrow one stays as it landed, and it landed by the
+very attitude that it is to correct: there the accelerometer goes on, slowly. Ours.
 """
 
 import math
@@ -65,15 +66,15 @@ class Vertical:
     ground; how it seems to tilt is the gyro's error.
     """
 
-    def __init__(self, period_s: float, *, ankle_rolls: bool = True) -> None:
+    def __init__(self, period_s: float, *, foot_tells_roll: bool = True) -> None:
         """Begin with no bias and a level ground.
 
         Args:
             period_s: control period [s].
-            ankle_rolls: whether the soles can lie flat, see `Legs.ankle_rolls`.
+            foot_tells_roll: whether soles lie flat, see `Legs.foot_tells_roll`.
         """
-        self.ankle_rolls = ankle_rolls
-        """Whether the support foot tells the roll; else `lean` corrects it."""
+        self.foot_tells_roll = foot_tells_roll
+        """Whether the support foot corrects the roll; else `lean` does."""
         self.bias: Array = np.zeros(3)
         """Of the gyro [rad/s]."""
         self.slope = Planar(0.0, 0.0)
@@ -174,7 +175,7 @@ class Vertical:
             The corrected attitude.
         """
         ground = _turn(self.slope, -attitude.yaw)
-        roll = _limited(ground[0] - foot_tilt.x) if self.ankle_rolls else 0.0
+        roll = _limited(ground[0] - foot_tilt.x) if self.foot_tells_roll else 0.0
         pitch = _limited(ground[1] - foot_tilt.y)
         # Not about z: a foot that turns on the ground would pass for a bias.
         self.bias[0] -= _BIAS_RATE * roll * span_s

@@ -19,6 +19,8 @@ from gaitchain.robot.robot import Robot
 
 _MOSTLY = 0.7  # least component of a unit axis that counts as about that direction
 _BENDS = 181  # knee angles that are tried to find the straight leg
+# Of the leg: a narrower sole stays as it landed. G1's is 0.076, Berkeley's 0.137 wide.
+_NARROW = 0.1
 _FIRM = 0.75  # of the width that counts: a tapered sole bears the ZMP where it is wider
 _SLICES = 101  # places along a sole at which its width is looked at
 _STRAIGHTEST = 0.999  # of the leg: a knee straighter than this moves too fast
@@ -52,6 +54,8 @@ class Legs(NamedTuple):
     """Index of the knee in a leg."""
     ankle_rolls: int
     """1 where the ankle has a roll joint, so that the sole can lie flat; else 0."""
+    foot_tells_roll: int
+    """1 where such a sole does: it is no narrower than a tenth of the leg; else 0."""
     lower: Array
     """(2 n,) least joint angles [rad]."""
     upper: Array
@@ -107,6 +111,7 @@ def legs_of(robot: Robot) -> Legs:
     full = robot.legs
     rear, front = robot.reduced.sole_x
     half = 0.5 * robot.reduced.sole_width
+    leg = robot.reduced.leg_length
     along, across = _ankle_levers(full)
     firm_rear, firm_front = _firm(robot)
     legs = Legs(
@@ -122,11 +127,12 @@ def legs_of(robot: Robot) -> Legs:
         start=full.stand,
         knee=full.knee,
         ankle_rolls=int(np.isfinite(across)),
+        foot_tells_roll=int(np.isfinite(across) and 2.0 * half >= _NARROW * leg),
         lower=full.lower,
         upper=full.upper,
         stiffness=full.stiffness,
         damping=full.damping,
-        leg=robot.reduced.leg_length,
+        leg=leg,
         reach=_reach(full),
         hip_width=robot.reduced.hip_width,
         ankle_height=robot.reduced.ankle_height,

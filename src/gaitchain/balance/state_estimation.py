@@ -58,7 +58,7 @@ class StateEstimator:
         self.targets: Array | None = None
         """(2 n,) latest servo targets [rad]; None before the first control step."""
         self._vertical = Vertical(
-            self._period, ankle_rolls=bool(self._legs.ankle_rolls)
+            self._period, foot_tells_roll=bool(self._legs.foot_tells_roll)
         )
         self._unlooked = self._unweighed = 0
 
@@ -70,7 +70,7 @@ class StateEstimator:
         """Take the trunk's orientation from the sensors; in a stand the CoM, too."""
         phase = self._phase
         turn_trunk(self.numbers, sensors.angular_velocity, self._vertical.bias)
-        if not self._vertical.ankle_rolls and phase not in (STAND, SETTLE):
+        if not self._vertical.foot_tells_roll and phase not in (STAND, SETTLE):
             speed = self._view.com.vx
             self._attitude = self._vertical.lean(
                 self._attitude, sensors.acceleration, speed

@@ -38,7 +38,9 @@ class SplineBalance:
         self._gains = derive_gains(self._legs)
         self._leg_length = robot.reduced.leg_length
         self._omega = math.sqrt(GRAVITY / (hip_height + robot.reduced.ankle_height))
-        self._vertical = Vertical(period_s, ankle_rolls=bool(self._legs.ankle_rolls))
+        self._vertical = Vertical(
+            period_s, foot_tells_roll=bool(self._legs.foot_tells_roll)
+        )
         self.attitude = Attitude()
         self._before: Array | None = None
         self._latest: Correction | None = None
@@ -90,7 +92,7 @@ class SplineBalance:
                 self._vertical.note_slope(self.attitude, self._latest.view)
             return
         self._vertical.leave_stand()
-        if not self._vertical.ankle_rolls:
+        if not self._vertical.foot_tells_roll:
             self.attitude = self._vertical.lean(
                 self.attitude, sensors.acceleration, 0.0
             )

@@ -169,7 +169,7 @@ static void note_slope(gait_walker *w) {
 static void walk_upright(gait_walker *w, double span_s) {
     gait_estimator *own = &w->estimator;
     const gait_planar ground = turned_by(&own->slope, -w->walk.attitude.yaw);
-    const double roll = LEGS.ankle_rolls ? limited(ground.x - w->walk.measured.foot_tilt.x) : 0.0;
+    const double roll = LEGS.foot_tells_roll ? limited(ground.x - w->walk.measured.foot_tilt.x) : 0.0;
     const double pitch = limited(ground.y - w->walk.measured.foot_tilt.y);
     own->bias[0] -= VERTICAL_BIAS_RATE * roll * span_s;
     own->bias[1] -= VERTICAL_BIAS_RATE * pitch * span_s;
@@ -218,7 +218,7 @@ static void estimate(gait_walker *w, const gait_sensors *sensors) {
     const int phase = w->walk.state.phase;
     const gait_planar *error = &w->walk.state.error;
     state_estimation_turn_trunk(&w->walk, sensors->angular_velocity, w->estimator.bias);
-    if (!LEGS.ankle_rolls && phase != STAND && phase != SETTLE) {
+    if (!LEGS.foot_tells_roll && phase != STAND && phase != SETTLE) {
         lean_upright(w, sensors);
     }
     if (phase == STAND) {
