@@ -28,6 +28,13 @@ def test_the_extras_are_those_of_the_project():
     assert len(PROJECT["dependencies"]) <= 6
 
 
+def test_the_readme_says_what_each_extra_is_for():
+    readme = (ROOT / "README.md").read_text("utf-8")
+    rows = re.findall(r"^\| (`gaitchain[^|]*) \|", readme, re.M)
+    told = re.findall(r"gaitchain\[(\w+)\]", " ".join(rows))
+    assert sorted(told) == sorted(PROJECT["optional-dependencies"])
+
+
 def test_every_module_of_an_extra_exists():
     """Of those that are installed: a wrong name would never be found."""
     brought = {"sim": 6, "view": 4, "serve": 7, "servos": 3, "ros": 3, "rl": 1}
