@@ -205,7 +205,7 @@ def test_a_damaged_library_is_refused_in_one_line(tmp_path):
         (["--token-file", "a", "--token", "b"], "give one of them"),
         (["--log-size", "0"], "1 to 100000"),
         (["--port", "123456"], "0 to 65535"),
-        (["--calibration", "nowhere.toml"], "of servos, which --backend mujoco"),
+        (["--calibration", "nowhere.toml"], "servo backends only; --backend mujoco"),
         (
             ["--backend", "dynamixel:emulated", "--calibration", "nowhere.toml"],
             "no such file",

@@ -214,7 +214,7 @@ def _train(
 
 
 def _steadiest(trained: Iterator[_Trained]) -> Iterator[_Trained]:
-    """Yield first what holds enough of what its steps reach, or most; then the others.
+    """Yield trained libraries, the steadiest first.
 
     A search compares shapes by short walks at a high pace, so that what it finds may
     not walk for long.

@@ -78,7 +78,9 @@ def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
 
 
 def _port(options: Calibrate) -> str:
-    """Return the serial port of the servos; refuse what names none, or nothing to do.
+    """Return the serial port of the servos.
+
+    Refuse options that name no port or ask for nothing.
 
     Raises:
         CommandError: the options do not go together.

@@ -110,7 +110,7 @@ def _show(found: dict[str, Verdict], robot: str, port: str) -> None:
 
 
 def _is_go(found: dict[str, Verdict]) -> bool:
-    """Whether the last stage is a go; one that was skipped or not reached is none."""
+    """Whether the last stage is a go; skipped or unreached stages do not count."""
     return found[STAGES[-1].name].outcome == "go"
 
 

@@ -234,7 +234,7 @@ class CommandGateway:
         self._check_wheel(driver)
         telemetry = self._feed.latest
         if telemetry is None or telemetry.replay is None:
-            raise RefusedError(409, "this is no replay: nothing can be sought in it")
+            raise RefusedError(409, "seeking needs a replay; this is a live run")
         given = wanted.model_dump(exclude_none=True, exclude={"type"})
         self._send(Play(driver, **given))
 

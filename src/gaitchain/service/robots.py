@@ -64,8 +64,8 @@ def check_backend(spec: str, calibration: str | Path | None = None) -> None:
         )
     if kind not in MAKES and calibration is not None:
         raise CommandError(
-            f"--calibration: of servos, which --backend {spec} has not; give --backend "
-            "dynamixel:PORT or feetech:PORT, or leave it out"
+            f"--calibration applies to servo backends only; --backend {spec} has none; "
+            "give --backend dynamixel:PORT or feetech:PORT, or leave it out"
         )
 
 
