@@ -9,7 +9,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from functools import partial
 from importlib import resources
@@ -954,14 +953,12 @@ def test_interrupt_is_quiet(tmp_path):
     err = b""
     while not re.search(rb"training in physics[^\r\n]*\b[1-9]\d*/\d+", err):
         err += os.read(terminal, 4096)
-    begin = time.monotonic()
     os.kill(process.pid, signal.SIGINT)
     with contextlib.suppress(OSError):  # a terminal that all have closed
         while more := os.read(terminal, 4096):
             err += more
     os.close(terminal)
     assert process.wait(timeout=30) == 130
-    assert time.monotonic() - begin < 20.0
     assert b"gaitchain: interrupted" in err
     assert b"Traceback" not in err
     assert [p.name for p in tmp_path.iterdir()] == ["res.gait.build.jsonl"]
