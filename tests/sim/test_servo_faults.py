@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import mujoco
 import numpy as np
 import pytest
+from joint_waves import BENT, WAVES, path_of
 from scipy.spatial.transform import Rotation
 
 from gaitchain.backends.mujoco import MujocoBackend
@@ -28,8 +29,6 @@ from gaitchain.sim.world_draws import (
 RES = load_box_robot("res")
 KNEE = 3
 STRAIGHT = np.zeros(12)
-BENT = np.tile([0.0, 0.0, -0.3, 0.6, -0.3, 0.0], 2)  # soles level
-WAVES = [BENT + 0.1 * np.sin(0.1 * i + np.arange(12.0)) for i in range(60)]
 TORQUE = 120.0  # N m, limit of each joint
 
 
@@ -39,15 +38,6 @@ def floating(world):
     backend.model.opt.gravity[:] = 0.0
     backend.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     return backend
-
-
-def path_of(backend, targets=WAVES, start=BENT):
-    backend.connect(start)
-    path = []
-    for target in targets:
-        backend.write(target)
-        path.append(backend.data.qpos.copy())
-    return np.array(path)
 
 
 def drive(backend, joint, target, periods=300):

@@ -8,6 +8,7 @@ from typing import Annotated
 import mujoco
 import numpy as np
 import pytest
+from joint_waves import BENT, WAVES, path_of
 from scipy.spatial.transform import Rotation
 
 from gaitchain.backends.mujoco import MujocoBackend
@@ -30,8 +31,6 @@ BIPED = RES.reduced
 G = 9.81
 KNEE = 3
 STRAIGHT = np.zeros(12)
-BENT = np.tile([0.0, 0.0, -0.3, 0.6, -0.3, 0.0], 2)  # soles level
-WAVES = [BENT + 0.1 * np.sin(0.1 * i + np.arange(12.0)) for i in range(60)]
 EVERYTHING = World(
     friction=0.6,
     model_error=0.1,
@@ -48,16 +47,7 @@ EVERYTHING = World(
 def simulate(world=None, targets=WAVES, start=BENT, **options):
     """Write targets one after another; base and joints after each, and the backend."""
     backend = MujocoBackend(RES, world, **options)
-    return walk(backend, targets, start), backend
-
-
-def walk(backend, targets=WAVES, start=BENT):
-    backend.connect(start)
-    path = []
-    for target in targets:
-        backend.write(target)
-        path.append(backend.data.qpos.copy())
-    return np.array(path)
+    return path_of(backend, targets, start), backend
 
 
 def weightless(world, period_s=0.002):
@@ -111,7 +101,7 @@ def test_what_does_not_touch_the_robot_changes_no_bit_of_its_walk(world, options
 def test_connect_starts_everything_anew():
     path, backend = simulate(EVERYTHING)
     sensors = backend.read()
-    np.testing.assert_array_equal(walk(backend), path)
+    np.testing.assert_array_equal(path_of(backend), path)
     for name in ("time", "joint_position", "angular_velocity", "acceleration"):
         np.testing.assert_array_equal(
             getattr(backend.read(), name), getattr(sensors, name)
@@ -192,7 +182,7 @@ def test_nominal_contacts_are_those_of_mujoco_to_the_last_bit():
     floor = backend.model.geom("floor")
     assert floor.solref == pytest.approx([0.02, 1.0], abs=0.0)
     floor.priority = 0
-    np.testing.assert_array_equal(walk(backend), simulate()[0])
+    np.testing.assert_array_equal(path_of(backend), simulate()[0])
 
 
 @pytest.mark.parametrize("friction", [0.05, 0.8])
@@ -368,7 +358,7 @@ def test_delay_shifts_the_step_response_by_exactly_that_time(delay_s):
     responses = []
     for world in (World(), World(delay_s=delay_s)):
         backend = weightless(world)
-        responses.append(walk(backend, [step] * 100)[:, 7 + KNEE])
+        responses.append(path_of(backend, [step] * 100)[:, 7 + KNEE])
     prompt, late = responses
     lag = round(delay_s / 0.002)
     np.testing.assert_array_equal(late[:lag], BENT[KNEE])
@@ -486,7 +476,7 @@ def test_foot_loads_where_the_robot_has_sensors():
 def test_a_push_changes_the_momentum_by_its_impulse(direction_deg, duration_s):
     push = Push(4.0, direction_deg, at_s=0.0237, duration_s=duration_s)
     backend = weightless(World(push=(push,)), CONTROL_PERIOD_S)
-    walk(backend, [BENT] * 2)
+    path_of(backend, [BENT] * 2)
     np.testing.assert_array_equal(momentum(backend), 0.0)
     for _ in range(15):
         backend.write(BENT)
@@ -531,7 +521,7 @@ def test_pushes_count_from_the_start_of_the_clock():
         pushed.append(momentum(backend)[0] > 1e-6)
     assert pushed == [False, False, True]  # rounding may begin a push 1e-17 s early
     assert backend.read().time == pytest.approx(0.04), "the robot's clock goes on"
-    walk(backend, [BENT] * 3)
+    path_of(backend, [BENT] * 3)
     assert momentum(backend)[0] == pytest.approx(0.4, rel=0.01), "connect counts anew"
 
 
