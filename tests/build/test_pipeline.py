@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from small_build import SMALLEST, few_steady_walks
+from small_build import SMALLEST, TINY, few_steady_walks
 
 from gaitchain.build import pipeline
 from gaitchain.build.gate import gate
@@ -21,7 +21,6 @@ from gaitchain.build.stride import StrideBuild
 from gaitchain.build.trial import TrialRun
 from gaitchain.build.workers import Crew
 from gaitchain.errors import ChainError, CommandError, GaitchainError, LibraryError
-from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.family import STAND
 from gaitchain.gait.keypose.feasibility import feasible_edges
@@ -38,15 +37,6 @@ from gaitchain.walker.generator import ChainState
 from gaitchain.walker.keypose_generator import KeyposeGenerator
 
 HIP_X = PARAMETERS.index("hip_x")
-TINY = BuildConfig(
-    poses_per_layer=(4, 6, 8, 4),
-    cost="planned",
-    walks=20,
-    steps_per_walk=4,
-    qualification_walks=6,
-    gate_runs=1,
-    gate_share=0.0,
-)
 
 
 @pytest.fixture(scope="module")

@@ -11,11 +11,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from other_robots import resized
 from safetensors.numpy import load, save
+from small_build import TINY
 
 from gaitchain.build.pipeline import build_library
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.errors import ChainError, LibraryError, RobotFileError
-from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import best_gaits
 from gaitchain.gait.library_file import (
@@ -31,15 +31,6 @@ from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.robot.identified import Identified
 from gaitchain.robot.leg_model import legs_from
 
-TINY = BuildConfig(
-    poses_per_layer=(4, 6, 8, 4),
-    cost="planned",
-    walks=20,
-    steps_per_walk=4,
-    qualification_walks=6,
-    gate_runs=1,
-    gate_share=0.0,
-)
 # The file is read for every example, but the folder may be shared.
 SHARED = settings(
     max_examples=60,

@@ -1,4 +1,4 @@
-"""As little of a build of strides as there can be: seconds on one core."""
+"""As little of a build as there can be: seconds on one core."""
 
 from contextlib import contextmanager
 
@@ -7,6 +7,17 @@ import pytest
 from gaitchain.build import command_envelope, usual_errors
 from gaitchain.gait.build_config import BuildConfig
 
+# Key poses, by planned cost.
+TINY = BuildConfig(
+    poses_per_layer=(4, 6, 8, 4),
+    cost="planned",
+    walks=20,
+    steps_per_walk=4,
+    qualification_walks=6,
+    gate_runs=1,
+    gate_share=0.0,
+)
+# Strides.
 SMALLEST = BuildConfig(
     preset="brisk",
     poses_per_layer=(5, 1, 1, 5),
