@@ -8,8 +8,7 @@ import re
 
 import pytest
 from msgspec.structs import replace
-from page_browser import Watched, chromium
-from page_server import CHOICE, PageServer, served
+from page_server import CHOICE, PageServer
 from patience import PATIENCE_S
 from planned_library import planned_res
 
@@ -32,43 +31,9 @@ NAMELESS = re.compile(
 )
 
 
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as running:
-        yield running
-
-
 @pytest.fixture
 def server():
     return PageServer(LIBRARY)
-
-
-@pytest.fixture
-def address(server):
-    with served(server.app) as found:
-        yield found
-
-
-@pytest.fixture
-def visit(browser, address):
-    """Open pages; in the end none of them may have complained."""
-    visitors = []
-
-    def come(**options):
-        visitors.append(Watched(browser, address, **options))
-        return visitors[-1].open()
-
-    yield come
-    for visitor in visitors:
-        visitor.context.close()
-        assert not visitor.errors
-        ours = (address, address.replace("http", "ws"))
-        assert not [url for url in visitor.wanted if not url.startswith(ours)]
-
-
-@pytest.fixture(scope="module")
-def see():
-    return pytest.importorskip("playwright.sync_api").expect
 
 
 def drive(server, page, see):
@@ -324,21 +289,18 @@ def test_a_stick_is_pulled_and_springs_back(visit, server, see):
 
 
 @pytest.fixture
-def gamepad(browser, address, see):
+def gamepad(visit, see):
     """A page with a gamepad, whose axes and buttons a test sets."""
-    visitor = Watched(browser, address)
-    visitor.context.add_init_script(
+    pad = (
         "globalThis.pad = {id: 'pad', connected: true, axes: [0, 0, 0, 0],"
         "  buttons: [{pressed: false}, {pressed: false}]};"
         "navigator.getGamepads = () => [null, globalThis.pad];"
     )
-    page = visitor.open()
+    page = visit(prepare=lambda context: context.add_init_script(pad))
     see(page.locator("#mode")).to_have_text("Standing")
     page.evaluate("dispatchEvent(new Event('gamepadconnected'))")
     see(page.locator("#pad")).to_contain_text("pad: B or circle")
-    yield page
-    visitor.context.close()
-    assert not visitor.errors
+    return page
 
 
 def test_a_gamepad_drives_and_stops(gamepad, server, see):
@@ -452,16 +414,14 @@ def test_an_edge_is_drawn_once_the_step_before_it_is_known(visit, server, see):
     see(page.locator(".marks .candidate")).to_have_count(2)
 
 
-def test_it_comes_back_when_the_socket_is_dropped(browser, address, server, see):
-    visitor = Watched(browser, address)  # it complains of the drop, as it should
-    page = visitor.open()
+def test_it_comes_back_when_the_socket_is_dropped(visit, server, see):
+    page = visit(foreseen=("WebSocket connection to",))
     drive(server, page, see)
     server.set(mode=Mode.STANDING)
     server.drop()
     see(page.locator("#connection")).to_contain_text("reconnecting")
     see(page.locator("#connection")).to_have_text("connected")
     see(page.locator("#wheel-state")).to_have_text("Nobody drives.")
-    visitor.context.close()
 
 
 def test_a_page_that_stood_still_keeps_its_connection_and_the_wheel(visit, server, see):
@@ -481,15 +441,13 @@ def test_a_page_that_stood_still_keeps_its_connection_and_the_wheel(visit, serve
     page.keyboard.up("w")
 
 
-def test_a_browser_without_the_token_is_told_so(browser, address, server, see):
-    visitor = Watched(browser, address)
+def test_a_browser_without_the_token_is_told_so(visit, server, see):
     server.refuses = True
-    page = visitor.open()
+    page = visit(foreseen=("WebSocket connection to", "Failed to load resource"))
     see(page.locator("#signin")).to_be_visible()
     server.refuses = False
     see(page.locator("#mode")).to_have_text("Standing")
     see(page.locator("#signin")).to_be_hidden()
-    visitor.context.close()
 
 
 def test_bad_frames_do_not_break_it(visit, server, see):

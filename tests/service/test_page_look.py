@@ -4,8 +4,7 @@ import re
 
 import pytest
 from msgspec.structs import replace
-from page_browser import Watched, chromium
-from page_server import CHOICE, PageServer, served
+from page_server import CHOICE, PageServer
 from planned_library import planned_res
 from telemetry_factory import PACE
 
@@ -57,34 +56,9 @@ CONTRAST = """([selector, property]) => {
 }"""
 
 
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as running:
-        yield running
-
-
 @pytest.fixture
 def server():
     return PageServer(LIBRARY)
-
-
-@pytest.fixture
-def visit(browser, server):
-    visitors = []
-    with served(server.app) as address:
-
-        def come(**options):
-            visitors.append(Watched(browser, address, **options))
-            return visitors[-1].open()
-
-        yield come
-        for visitor in visitors:
-            visitor.context.close()
-
-
-@pytest.fixture(scope="module")
-def see():
-    return pytest.importorskip("playwright.sync_api").expect
 
 
 def test_driving_view_status_and_why_fit_on_one_screen(visit, server, see):

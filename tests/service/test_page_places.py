@@ -3,8 +3,7 @@
 import math
 
 import pytest
-from page_browser import Watched, chromium
-from page_server import PageServer, served
+from page_server import PageServer
 from planned_library import planned_res
 
 from gaitchain.live.messages import Going, Mode
@@ -18,12 +17,6 @@ KNOWN = {"place": HERE, "feet": FEET}
 REACH = 2.0  # m from the robot to the nearer edge of the map, at first
 
 
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as running:
-        yield running
-
-
 @pytest.fixture
 def server():
     server = PageServer(LIBRARY)
@@ -32,17 +25,8 @@ def server():
 
 
 @pytest.fixture
-def page(browser, server):
-    with served(server.app) as address:
-        visitor = Watched(browser, address)
-        yield visitor.open()
-        visitor.context.close()
-        assert not visitor.errors
-
-
-@pytest.fixture(scope="module")
-def see():
-    return pytest.importorskip("playwright.sync_api").expect
+def page(visit):
+    return visit()
 
 
 def drive(server, page, see):

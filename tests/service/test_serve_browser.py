@@ -4,15 +4,13 @@ import math
 from functools import partial
 
 import pytest
-from page_browser import Driver, Watched, chromium
+from page_browser import NOT_OURS, Driver
 from running_service import Service
 
 from gaitchain.backends.base import Disturbances, PunchesState
 from gaitchain.live.logs.reader import read_log
 
 pytestmark = pytest.mark.browser
-# What the 3-D view's library warns of, and WebGL without a graphics card.
-_NOT_OURS = ("THREE.", "[.WebGL")
 _PHONE = {"viewport": {"width": 390, "height": 844}}  # its 3-D view stays closed
 # A 3-D view in software takes two cores by itself, and the page then sends its commands
 # too late to drive by; a quarter of its pixels leaves them time.
@@ -27,10 +25,9 @@ def service(tmp_path_factory):
     service.kill_all()
 
 
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as running:
-        yield running
+@pytest.fixture
+def address(service):
+    return service.address
 
 
 def yaw(service):
@@ -82,11 +79,8 @@ def logged(service, part):
 
 
 @pytest.mark.slow
-def test_one_drives_and_the_other_watches(service, browser):
-    see = pytest.importorskip("playwright.sync_api").expect
-    driver = Watched(browser, service.address, **_DESK)
-    watcher = Watched(browser, service.address, **_PHONE)
-    page, second = driver.open(), watcher.open()
+def test_one_drives_and_the_other_watches(service, visit, see):
+    page, second = (visit(foreseen=NOT_OURS, **size) for size in (_DESK, _PHONE))
     service.until(lambda: service.mode("standing"))
 
     person = Driver(page)
@@ -130,7 +124,3 @@ def test_one_drives_and_the_other_watches(service, browser):
     see(page.locator("#mode")).to_contain_text("Stopped")
     service.until(lambda: service.mode("stopped"))
     assert "emergency stop by" in service.state["reason"]
-    for visitor in (driver, watcher):
-        visitor.context.close()
-        assert not [e for e in visitor.errors if not e.startswith(_NOT_OURS)]
-        assert all("127.0.0.1" in url for url in visitor.wanted)

@@ -3,10 +3,12 @@
 import math
 
 import pytest
-from page_browser import Driver, Watched, chromium
+from page_browser import NOT_OURS, Driver
 from running_service import Service
 
 pytestmark = pytest.mark.browser
+# What a browser says while a part of the service is dead.
+_LOST = ("Failed to load resource", "WebSocket connection to")
 _PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True}
 _DESK = {"viewport": {"width": 1440, "height": 900}, "device_scale_factor": 0.5}
 
@@ -18,28 +20,9 @@ def service(tmp_path_factory):
     service.kill_all()
 
 
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as running:
-        yield running
-
-
 @pytest.fixture
-def visit(browser, service):
-    visitors = []
-
-    def come(**options):
-        visitors.append(Watched(browser, service.address, **options))
-        return visitors[-1].open()
-
-    yield come
-    for visitor in visitors:
-        visitor.context.close()
-
-
-@pytest.fixture(scope="module")
-def see():
-    return pytest.importorskip("playwright.sync_api").expect
+def address(service):
+    return service.address
 
 
 def viewers(service):
@@ -55,7 +38,7 @@ def connected(service):
 @pytest.mark.slow
 @pytest.mark.parametrize("part", ["viewer", "api"])
 def test_the_view_comes_back_by_itself(service, visit, see, part):
-    page = visit(**_DESK)
+    page = visit(foreseen=(*NOT_OURS, *_LOST), **_DESK)
     page.locator("#take").focus()  # viser itself would only retry with the focus
     service.until(lambda: connected(service))
     killed = service.kill(part)
@@ -69,7 +52,7 @@ def test_the_view_comes_back_by_itself(service, visit, see, part):
 
 @pytest.mark.slow
 def test_on_a_phone_the_views_own_panel_does_not_hide_the_robot(service, visit, see):
-    page = visit(**_PHONE)
+    page = visit(foreseen=NOT_OURS, **_PHONE)
     page.click("#view-toggle")
     service.until(lambda: viewers(service) >= 1)
     view = page.frame_locator("#viewer")
@@ -81,7 +64,7 @@ def test_on_a_phone_the_views_own_panel_does_not_hide_the_robot(service, visit, 
 
 @pytest.mark.slow
 def test_a_click_on_the_floor_sends_the_robot_there(service, visit, see):
-    page = visit(**_DESK)
+    page = visit(foreseen=NOT_OURS, **_DESK)
     page.click("#view-toggle")  # drawing in software would take the processor
     service.until(lambda: service.mode("standing"))
     person, goals = Driver(page), []

@@ -20,6 +20,8 @@ FLAGS = [  # software WebGL, and none of the browser's own network traffic
     "--enable-unsafe-swiftshader",
 ]
 WAIT_MS = 1000.0 * PATIENCE_S
+# What the 3-D view's library warns of, and WebGL without a graphics card.
+NOT_OURS = ("THREE.", "[.WebGL")
 # A 3-D view in software draws as often as it can, and takes a core by itself: page and
 # robot then come too late to drive by. The view is the page's frame, and the view only
 # draws four times a second here.
@@ -67,6 +69,15 @@ class Watched:
         """Load the page; return it."""
         self.page.goto(self.address)
         return self.page
+
+    def check(self, foreseen=()):
+        """Refuse complaints, but those that begin as foreseen, and foreign requests."""
+        complaints = [text for text in self.errors if not text.startswith(foreseen)]
+        assert not complaints, complaints
+        ws, blob = self.address.replace("http", "ws", 1), f"blob:{self.address}"
+        ours = self.address, ws, blob
+        foreign = [url for url in self.wanted if not url.startswith(ours)]
+        assert not foreign, foreign
 
 
 class Driver:
