@@ -12,11 +12,12 @@ from gaitchain.build.families import build_of, build_of_family
 from gaitchain.build.gait_build import Candidates, Draw, Drawing
 from gaitchain.build.gate import gate, gate_own
 from gaitchain.build.no_walk import NoWalkError, check_walks
+from gaitchain.build.progress import Progress
 from gaitchain.build.qualify import qualify_steps
 from gaitchain.build.recovery_walks import recover
 from gaitchain.build.training_walks import Samples, walk_gaits
 from gaitchain.build.usual_errors import StepErrors, learn_usual, learn_usual_off
-from gaitchain.build.workers import Crew, Progress
+from gaitchain.build.workers import Crew
 from gaitchain.chain.choice_gain import ChoiceGain, choice_gain
 from gaitchain.chain.expectation import expected_costs, path_costs, pose_costs
 from gaitchain.chain.layered_chain import FloatArray, IntArray, LayeredChain

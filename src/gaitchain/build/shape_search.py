@@ -310,7 +310,7 @@ class _Search:
             error = gains.std() / math.sqrt(len(gains))
             if abs(gains.mean() - _BETTER) > _SURE * error:
                 break
-        self._task.crew.tell(STAGE, self._total, self._total)
+        self._task.crew.progress(STAGE, self._total, self._total)
         return bool(gains.mean() > _BETTER)
 
     def _adapt(self, held: Array) -> None:
@@ -338,5 +338,5 @@ class _Search:
         for part in run_jobs(steps_held, jobs, float, self._task.crew.workers):
             parts.append(part)
             self._done += 1
-            self._task.crew.tell(STAGE, self._done, self._total)
+            self._task.crew.progress(STAGE, self._done, self._total)
         return np.array(parts).reshape(len(shapes), len(walks))

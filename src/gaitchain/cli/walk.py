@@ -19,9 +19,9 @@ from gaitchain.analysis.walk_metrics import (
     support_region,
 )
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.build.progress import Progress
 from gaitchain.cli.build import cached_library
 from gaitchain.cli.console import (
-    Tell,
     check_writable,
     make_folder,
     print_table,
@@ -290,15 +290,15 @@ def _three(command: Command) -> str:
 
 
 def _draw(
-    library: GaitLibrary, walked: _Walked, world: World, out: Path, tell: Tell
+    library: GaitLibrary, walked: _Walked, world: World, out: Path, progress: Progress
 ) -> None:
     """Write the record, the overview and the replay of a walk."""
-    tell("drawing", 0, 2)
+    progress("drawing", 0, 2)
     save_record(walked.record, out / RECORD)
     plot_walk(walked.record, library.robot, walked.schedule, out / "walk.png")
-    tell("drawing", 1, 2)
+    progress("drawing", 1, 2)
     _write_replay(library, walked.record, world, out / "walk.html")
-    tell("drawing", 2, 2)
+    progress("drawing", 2, 2)
 
 
 def _write_replay(

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.build.jobs import arrivals, run_once
+from gaitchain.build.progress import Progress
 from gaitchain.errors import LogError
 from gaitchain.identify.joint_search import Group, JointSearch
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog
@@ -88,7 +89,6 @@ _IMU = 6  # columns of gyro and accelerometer
 _BANK, _SEARCH_BANK = 0x1D, 0x1D5  # of seeds
 _STAGE = "fitting replays to the log"
 
-Tell = Callable[[str, int, int], None]
 Columns = NDArray[np.int64]
 
 
@@ -132,7 +132,7 @@ class _Belief(NamedTuple):
 
 
 def fit_logs(
-    robot: Robot, logs: Sequence[ExerciseLog], workers: int, tell: Tell
+    robot: Robot, logs: Sequence[ExerciseLog], workers: int, progress: Progress
 ) -> Fit:
     """Fit a robot to its logs.
 
@@ -142,7 +142,7 @@ def fit_logs(
         robot: as in its file.
         logs: of exercises.
         workers: number of processes; the result does not depend on it.
-        tell: called with what is done, how far it is, and of how much.
+        progress: called with what is done, how far it is, and of how much.
 
     Raises:
         LogError: a log is of another robot, or of another control period, or has gaps,
@@ -154,14 +154,14 @@ def fit_logs(
     robot = robot.nominal
     parameters = Parameters(robot.legs.joint_names)
     motions = [_Motion(robot, part, parameters, workers) for part in parts]
-    belief, leans = _fit_motions(motions, parameters, tell)
+    belief, leans = _fit_motions(motions, parameters, progress)
     belief = _as_seen(parameters, belief, parts)
     missed = _missed_of(robot, motions, leans, parameters.read(belief.mean)[0])
     return _accepted(_fit_of(parameters, belief, missed), parts)
 
 
 def _fit_motions(
-    motions: Sequence["_Motion"], parameters: Parameters, tell: Tell
+    motions: Sequence["_Motion"], parameters: Parameters, progress: Progress
 ) -> tuple[_Belief, list[Array]]:
     """Return what all motions tell together, and how the trunk leaned in each."""
     size, ends = len(parameters.all), [*accumulate(map(_rounds, motions), initial=0)]
@@ -171,13 +171,13 @@ def _fit_motions(
             # The trunk is held once more.
             belief = _Belief(*parameters.anew(["lean"], *belief))
         rng = np.random.default_rng((_BANK, number))
-        begin = _counted(tell, ends[number], ends[-1])
+        begin = _counted(progress, ends[number], ends[-1])
         work = partial(motion.fit, belief, rng, begin)
         found, covariance = run_once("fit", work, tuple[Array, Array])
         known = _believed(covariance, belief.covariance, parameters)
         belief = _Belief(found, known)
         leans.append(parameters.read(found)[1])
-    tell(_STAGE, ends[-1], ends[-1])
+    progress(_STAGE, ends[-1], ends[-1])
     return belief, leans
 
 
@@ -228,10 +228,10 @@ def _rounds(motion: "_Motion") -> int:
     return _SEARCHES[motion.support] + len(_ROUNDS[motion.support])  # at most
 
 
-def _counted(tell: Tell, first: int, rounds: int) -> Callable[[], None]:
+def _counted(progress: Progress, first: int, rounds: int) -> Callable[[], None]:
     """Return what tells of each round of a motion that begins."""
     done = count(first)
-    return lambda: tell(_STAGE, next(done), rounds)
+    return lambda: progress(_STAGE, next(done), rounds)
 
 
 def _believed(covariance: Array, before: Array, parameters: Parameters) -> Array:

@@ -113,18 +113,18 @@ def split_falls(
     entropy, runs, steps = seed_of(disturbed.library), list[SplitRun](), list[int]()
     course, slices = _Course(disturbed, entropy, crew.workers), disturbed.slices
     stage = "splitting"
-    crew.tell(stage, 0, size.repetitions)
+    crew.progress(stage, 0, size.repetitions)
     for number in range(size.repetitions):
         rng, first = np.random.default_rng((entropy, _BANK, number)), len(course.steps)
         runs.append(split(course.walk_all, slices, size.paths, rng))
         steps += course.steps[first]
-        crew.tell(stage, number + 1, size.repetitions)
+        crew.progress(stage, number + 1, size.repetitions)
     stage = "walking without splitting"
-    crew.tell(stage, 0, 1)
+    crew.progress(stage, 0, 1)
     alone = np.random.default_rng((entropy, _ALONE))
     met = count_events(course.walk_all, slices, size.alone, alone)
     steps += course.steps[-1]
-    crew.tell(stage, 1, 1)
+    crew.progress(stage, 1, 1)
     return _report(disturbed, confidence, runs, (size.alone, met), steps)
 
 
