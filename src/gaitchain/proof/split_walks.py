@@ -205,7 +205,7 @@ def walk_slices(
         impulse_ns, side = float(rng.uniform(0.0, hardest_ns)), rng.uniform(-180, 180)
         pushes.append(Push(impulse_ns, float(side), at_s))
     backend = MujocoBackend(library.robot, replace(world, push=tuple(pushes)))
-    loop = _LevelLoop(Walker(library), backend, scale_ns)
+    loop = _LevelLoop(Walker(library), backend)
     return loop.walk(commands)
 
 
@@ -221,7 +221,7 @@ def _draw_world(
 class _LevelLoop(WatchedLoop):
     """A loop that notes how near the robot is to a fall."""
 
-    def __init__(self, walker: Walker, backend: MujocoBackend, scale_ns: float) -> None:
+    def __init__(self, walker: Walker, backend: MujocoBackend) -> None:
         self._data, self._model = backend.data, backend.model
         self._leg = walker.library.robot.reduced.leg_length
         self._feet, self._truth = backend.feet, backend
