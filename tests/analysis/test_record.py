@@ -24,7 +24,8 @@ from gaitchain.gait.schedule import Segment
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import CONTROL_PERIOD_S, Command
 from gaitchain.robot.box_robot import load_box_robot
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.push import Push
+from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
 RES = load_box_robot("res")

@@ -6,7 +6,8 @@ from typing import Protocol, runtime_checkable
 import msgspec
 
 from gaitchain.messages import Array, MotorTargets, Sensors
-from gaitchain.sim.world import DISTURBANCES, Arms, Punches, Push
+from gaitchain.sim.push import Punches, Push
+from gaitchain.sim.world import DISTURBANCES, Arms
 
 TORQUE_UNIT = "N m"
 """`Backend.load_unit` of a backend that measures joint torques."""

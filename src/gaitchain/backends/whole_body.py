@@ -11,7 +11,8 @@ from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Sensors
 from gaitchain.sim.bodies import check_body
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.push import Push
+from gaitchain.sim.world import World
 
 _ALL = slice(None)
 _CALM = Disturbances(None, World.arms, World.payload)

@@ -14,7 +14,8 @@ from gaitchain.gait.stride.shape import LANDING, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import GRAVITY
 from gaitchain.robot.robot import Robot
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.push import Push
+from gaitchain.sim.world import World
 from gaitchain.sim.world_range import WorldRange
 
 FAST = 0.8

@@ -36,7 +36,8 @@ from gaitchain.errors import LibraryError
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
-from gaitchain.sim.world import Span, World
+from gaitchain.sim.disturbance import Span
+from gaitchain.sim.world import World
 
 GENERATIONS = 6
 STAGE = "searching the step's shape"

@@ -32,8 +32,9 @@ from gaitchain.proof.splitting import (
     overlap,
     split,
 )
+from gaitchain.sim.push import Push
 from gaitchain.sim.truth import FALL_HEIGHT, FALL_TILT
-from gaitchain.sim.world import Cone, Push, World
+from gaitchain.sim.world import Cone, World
 from gaitchain.walker.walker import Walker
 
 SLICE_S = 1.0

@@ -7,7 +7,7 @@ import numpy as np
 from gaitchain.errors import CommandError
 from gaitchain.robot.leg_model import LegModel
 from gaitchain.robot.robot import Robot
-from gaitchain.sim.world import Push
+from gaitchain.sim.push import Push
 
 SIDES = ("left", "right")
 ANY_BODY = "any"
