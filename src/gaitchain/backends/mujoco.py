@@ -10,9 +10,9 @@ from gaitchain.backends.base import (
     TORQUE_UNIT,
     Disturbances,
     LinkHealth,
-    Numbers,
     PunchesState,
     Truth,
+    numbers,
 )
 from gaitchain.errors import CommandError
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Sensors
@@ -230,15 +230,15 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         """Return the ground truth of the robot now."""
         data, feet = self.data, self.feet
         return Truth(
-            qpos=_numbers(self._positions),
-            qvel=_numbers(self._rates),
-            place=_numbers(data.xpos[feet]),
-            turn=_numbers(data.xmat[feet]),
-            wrench=_numbers(self.ground_wrenches()),
-            twist=_numbers(data.cvel[feet]),
-            com=_numbers(data.subtree_com[1]),
+            qpos=numbers(self._positions),
+            qvel=numbers(self._rates),
+            place=numbers(data.xpos[feet]),
+            turn=numbers(data.xmat[feet]),
+            wrench=numbers(self.ground_wrenches()),
+            twist=numbers(data.cvel[feet]),
+            com=numbers(data.subtree_com[1]),
             tilt=self.tilt,
-            foot_height=_numbers(self.sole_heights()),
+            foot_height=numbers(self.sole_heights()),
             self_contact=self.self_contact,
         )
 
@@ -292,10 +292,6 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
     def known_pushes(self) -> list[Push]:
         """The world's pushes, and its punches so far."""
         return self._outside.pushes.known(self.data.time)
-
-
-def _numbers(values: Array) -> Numbers:
-    return tuple(values.ravel().tolist())
 
 
 def count_steps(period_s: float, timestep: float) -> int:
