@@ -3,8 +3,8 @@
 from gaitchain.analysis.recorder import estimated_tilt, planned_support, planned_zmp
 from gaitchain.backends.base import numbers
 from gaitchain.live.event_log import EventLog
-from gaitchain.live.messages import Choice, Mode, Pace, Telemetry
-from gaitchain.live.modes import ModeMachine
+from gaitchain.live.messages import Choice, Pace, Telemetry
+from gaitchain.live.modes import BALANCED, ModeMachine
 from gaitchain.live.safe_backend import SafeBackend
 from gaitchain.messages import PanelMessage, Sensors
 from gaitchain.walker.generator import Decision
@@ -15,7 +15,6 @@ from gaitchain.walker.walker import Walker
 TRUTH_S = 0.01
 """Between two rows with the simulator's truth [s]."""
 _RUNNERS_UP = 8
-_BALANCED = (Mode.STANDING, Mode.WALKING)  # by the walker
 
 
 class TelemetryBuilder:
@@ -106,7 +105,7 @@ class TelemetryBuilder:
     def _odometry(self) -> Odometry | None:
         """Return where the trunk is; a robot that is not balanced does not move on."""
         found = self._walker.odometry
-        if found is None or self._modes.mode in _BALANCED:
+        if found is None or self._modes.mode in BALANCED:
             return found
         return found._replace(velocity=(0.0, 0.0, 0.0))
 

@@ -20,7 +20,8 @@ from gaitchain.errors import RobotFileError
 DECIMALS = 9
 """Of a number read from a robot's file, as a fingerprint has it: later ones differ from
 processor to processor."""
-_MOSTLY = 0.7  # least y component of a unit axis that counts as sagittal
+MOSTLY = 0.7
+"""Least component of a unit axis that counts as about that direction."""
 _LEVEL = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 Soles = tuple[tuple[tuple[float, float], ...], ...]
 """Convex polygons in the frames of two soles, x forward, y left [m]."""
@@ -135,7 +136,7 @@ class LegModel:
     @property
     def sagittal(self) -> tuple[str, ...]:
         """Names of the joints that turn about the y axis."""
-        about_y = np.abs(self.axis[..., 1]).ravel() > _MOSTLY
+        about_y = np.abs(self.axis[..., 1]).ravel() > MOSTLY
         return tuple(n for n, y in zip(self.joint_names, about_y, strict=True) if y)
 
     def arrays(self) -> dict[str, Any]:

@@ -16,11 +16,11 @@ from gaitchain.balance.keypose_balance import (
 from gaitchain.balance.keypose_lead import KeyposeLead
 from gaitchain.balance.leg_kinematics import legs_of
 from gaitchain.balance.state import Attitude
+from gaitchain.balance.state_estimation import NEAR
 from gaitchain.messages import GRAVITY, Array, Sensors
 from gaitchain.robot.robot import Robot
 
 _FOLLOWED = 0.3  # dead zones: errors of a robot whose servos follow the plan
-_NEAR = 0.1  # leg lengths of DCM error: beyond it the support foot may tip
 
 
 class AnkleBalance:
@@ -98,7 +98,7 @@ class AnkleBalance:
             )
         if single and self._latest is not None:
             off = math.hypot(*self._latest.error) / self._leg_length
-            if off < _NEAR:
+            if off < NEAR:
                 tilt = self._latest.view.foot_tilt
                 self.attitude = self._vertical.walk(self.attitude, tilt, period)
 
