@@ -86,22 +86,37 @@ def build_library(
         The library, qualified or not, and the report.
 
     Raises:
+        NoWalkError: physics passes no walk ahead.
+        LibraryError: nor can it be built with the other servos.
         GaitchainError: the robot, the preset or a number is not usable.
     """
-    tell = progress or (lambda stage, done, total: None)
+    crew = Crew(workers, progress or (lambda stage, done, total: None))
     robot = robot or load_robot(config.robot, config.profile)
     if config.servo_gain is not None:
-        crew = Crew(workers, tell)
         return _build(config, robot.with_servo_gain(config.servo_gain), crew)
     try:
-        return _build(config, robot, Crew(workers, tell))
+        return _build(config, robot, crew)
     except NoWalkError as none:
         if none.servo_gain is None:
             raise
         first, gain = none, none.servo_gain * robot.servo_gain
-    crew = Crew(workers, tell).on(f"servos {gain:g} times")
+    return _build_again(config, robot.with_servo_gain(gain), crew, first)
+
+
+def _build_again(
+    config: BuildConfig, robot: Robot, crew: Crew, first: NoWalkError
+) -> tuple[GaitLibrary, BuildReport]:
+    """Build for a robot with other servo gains than those that held no walk.
+
+    Args:
+        config: configuration of the build.
+        robot: with the other gains.
+        crew: processes and progress.
+        first: why it is built again.
+    """
+    gain = robot.servo_gain
     try:
-        return _build(config, robot.with_servo_gain(gain), crew)
+        return _build(config, robot, crew.on(f"servos {gain:g} times"))
     except NoWalkError:
         raise  # it says with which servos
     except (ChainError, LibraryError) as error:
