@@ -256,8 +256,8 @@ def parts(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"zmp": None}, "columns differ"),
-        ({"other": np.zeros(5)}, "columns differ"),
+        ({"zmp": None}, "columns missing: zmp"),
+        ({"other": np.zeros(5)}, "columns unknown: other"),
         ({"zmp": np.zeros((4, 2))}, "zmp is float64"),
         ({"zmp": np.zeros((5, 3))}, "zmp is float64"),
         ({"zmp": np.zeros((5, 2), dtype=np.int64)}, "zmp is int64"),
