@@ -28,7 +28,7 @@ from gaitchain.gait.library_file import load_library
 from gaitchain.gait.schedule import Segment
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import Command
-from gaitchain.sim.world import Punches, Push
+from gaitchain.sim.push import Punches, Push
 from gaitchain.walker.stride_setup import make_walk
 from gaitchain.walker.walker import Walker
 

@@ -21,7 +21,7 @@ from gaitchain.build.workers import available_cores
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.messages import CONTROL_PERIOD_S, Command
-from gaitchain.sim.world import Punches
+from gaitchain.sim.push import Punches
 from gaitchain.walker.walker import Walker
 from gaitchain.walker.waypoints import Place, near_of, steer
 

@@ -14,7 +14,8 @@ from gaitchain import MujocoBackend, Walker
 from gaitchain.analysis.fall_cause import explain
 from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.gait.schedule import parse_schedule
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.push import Push
+from gaitchain.sim.world import World
 
 walker = Walker.load(files("gaitchain") / "data" / "res.gait")
 most = walker.command_range

@@ -4,7 +4,7 @@ What runs a library on a robot comes with every install; all else is an extra, a
 import that misses one is an error as well.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
 
@@ -111,6 +111,20 @@ def file_errors(path: object, what: str, kind: type[GaitchainError]) -> Iterator
     except OSError as error:
         reason = error.strerror or error
         raise kind(f"{path}: cannot be {what}: {reason}") from None
+
+
+def names_apart(given: Iterable[str], wanted: Iterable[str]) -> str:
+    """Return which names are missing and which are unknown, for a message.
+
+    Args:
+        given: names that there are.
+        wanted: names that there have to be.
+    """
+    apart = {
+        "missing": set(wanted) - set(given),
+        "unknown": set(given) - set(wanted),
+    }
+    return "; ".join(f"{how}: {', '.join(sorted(n))}" for how, n in apart.items() if n)
 
 
 def require(what: str, extras: Sequence[str]) -> None:

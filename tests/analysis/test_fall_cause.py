@@ -25,7 +25,8 @@ from gaitchain.gait.zmp import Support, margin, sole_corners, support_polygon
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Command
 from gaitchain.robot.box_robot import JOINT_NAMES, load_box_robot
 from gaitchain.robot.joint_angles import joint_angles
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.push import Push
+from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
 RES = load_box_robot("res")

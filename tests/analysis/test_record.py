@@ -24,7 +24,8 @@ from gaitchain.gait.schedule import Segment
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import CONTROL_PERIOD_S, Command
 from gaitchain.robot.box_robot import load_box_robot
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.push import Push
+from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
 RES = load_box_robot("res")
@@ -255,8 +256,8 @@ def parts(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"zmp": None}, "columns differ"),
-        ({"other": np.zeros(5)}, "columns differ"),
+        ({"zmp": None}, "columns missing: zmp"),
+        ({"other": np.zeros(5)}, "columns unknown: other"),
         ({"zmp": np.zeros((4, 2))}, "zmp is float64"),
         ({"zmp": np.zeros((5, 3))}, "zmp is float64"),
         ({"zmp": np.zeros((5, 2), dtype=np.int64)}, "zmp is int64"),

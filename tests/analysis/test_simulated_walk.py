@@ -16,7 +16,8 @@ from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.push import Push
+from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
 STEP = 300  # ticks of a step of the paper's

@@ -1,6 +1,7 @@
 """The emulated servos and their bus, without a port: protocol, motion, watchdog."""
 
 import random
+import struct
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from gaitchain.backends.dynamixel.control_table import (
     OPERATING_MODE,
     POSITION,
     PRESENT,
+    PRESENT_FORMAT,
     STATUS_LEVEL,
     TORQUE,
     WATCHDOG,
@@ -327,3 +329,15 @@ def test_the_crc_is_that_of_the_sdk():
     for size in range(60):
         data = rng.randbytes(size)
         assert crc16(data) == sdk.Protocol2PacketHandler().updateCRC(0, data, size)
+
+
+@pytest.mark.parametrize(
+    ("model", "counts"), [(1020, 228), (1200, 614), (1060, 0), (9999, 0)]
+)
+def test_a_current_is_in_the_unit_of_the_model(model, counts):
+    """20 A/rad times 20 of 4096 counts; two models have no known unit."""
+    servo = EmulatedServo(1, model, angle_deg=180.0)
+    assert not servo.write(TORQUE.address, b"\1")
+    assert not servo.write(GOAL.address, four(2048 + 20))
+    _, data = servo.read(PRESENT)
+    assert struct.unpack(PRESENT_FORMAT, data)[0] == counts

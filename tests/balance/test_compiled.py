@@ -12,7 +12,8 @@ from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.balance import compiled
 from gaitchain.gait.library_file import save_library
 from gaitchain.messages import Command
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.push import Push
+from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
 TICKS, START = 260, 40

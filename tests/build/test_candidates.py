@@ -114,7 +114,7 @@ def test_the_search_walks_in_the_builds_worlds_and_crew(searched):
     assert worlds.numbers["model_error"] > 0.0
     assert worlds.push_ns > 0.0
     assert crew.workers == 1
-    assert crew.tell is quiet
+    assert crew.progress is quiet
     assert rhythm is None
     assert start == BOX_SHAPE
 

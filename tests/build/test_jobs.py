@@ -21,7 +21,8 @@ from gaitchain.errors import CommandError, JournalError, WorkerError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library_file import library_bytes
 from gaitchain.messages import Array
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.push import Push
+from gaitchain.sim.world import World
 
 TINY = BuildConfig(
     seed=1,

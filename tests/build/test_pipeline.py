@@ -169,7 +169,7 @@ class Verdict(NamedTuple):
 
 def test_shapes_with_which_there_is_no_step_are_passed_over(monkeypatch):
     def train(config, drawn, crew, rngs):
-        crew.tell("training", 0, 1)
+        crew.progress("training", 0, 1)
         if drawn == 1:
             raise ChainError("no step is allowed")
         return drawn
@@ -196,7 +196,7 @@ def test_a_shape_that_walks_badly_gives_way_to_a_steadier_one(monkeypatch):
     stages, parts = [], [0.4, 0.8]  # of what single steps reach
 
     def hold(library, crew):
-        crew.tell("walking on and on", 0, 1)
+        crew.progress("walking on and on", 0, 1)
         part, most = parts.pop(0), library.command_range
         ends = [(part * low, part * high) for low, high in most.ends]
         return replace(library, steady=CommandRange(*ends))

@@ -28,7 +28,7 @@ from gaitchain.figures import robustness
 from gaitchain.figures.robustness import plot_pushes
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import Command
-from gaitchain.sim.world import Push
+from gaitchain.sim.push import Push
 from gaitchain.walker.walker import Walker
 
 pytestmark = pytest.mark.slow

@@ -9,7 +9,8 @@ from planned_library import planned_library
 
 from gaitchain.build.stride_rollout import find_fall, walk_strides
 from gaitchain.robot.box_robot import box_legs, load_box_robot
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.push import Push
+from gaitchain.sim.world import World
 
 RES = load_box_robot("res")
 LIMITS = box_legs(RES.reduced).torque_limit

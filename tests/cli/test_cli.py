@@ -443,7 +443,7 @@ BAD = [
     (["trial", "x.gait", "--feedback", "--open-loop"], 2, "give one of them"),
     (["push", "missing.gait"], 2, "missing.gait"),
     (["replay", "x.mcap", "--robot", "no.xml"], 2, "no.xml: no such file; give a"),
-    (["replay", "x.mcap", "--profile", "p.toml"], 2, "--profile: of which robot?"),
+    (["replay", "x.mcap", "--profile", "p.toml"], 2, "--profile describes a robot"),
     (["trial", "x.gait", "--own-model", "no.xml"], 2, "no.xml: no such file; give a"),
     (
         ["export", "x.gait", "--to", "npz", "--own-model", "no.xml"],

@@ -195,7 +195,7 @@ def test_the_sway_begins_where_the_walker_stands():
     for offset_deg in (0.0, 6.0):
         with robot(rate_hz=20.0, late_s=LATE_S) as (bench, bus):
             turned_encoders(bench, offset_deg)
-            bench.tell = end
+            bench.progress = end
             with pytest.raises(KeyboardInterrupt):
                 STAGE["shift"].run(bench)
     more = np.subtract(*reversed(begun))
@@ -438,7 +438,7 @@ def test_a_robot_that_falls_while_it_stands_is_no_go():
             bus.bus.devices[200].acceleration = np.array([9.81, 0.0, 0.0])
 
     with robot(rate_hz=20.0, late_s=LATE_S) as (bench, bus):
-        bench.tell = fall
+        bench.progress = fall
         verdict = STAGE["stand"].run(bench)
     assert verdict.outcome == "no-go"
     assert "leans" in verdict.said
@@ -466,7 +466,7 @@ def test_a_dead_servo_ends_the_sway():
             bus.kill(2)
 
     with robot(rate_hz=20.0, late_s=LATE_S) as (bench, bus):
-        bench.tell = die
+        bench.progress = die
         verdict = STAGE["shift"].run(bench)
     assert verdict.outcome == "no-go"
     assert "has not answered for 0.25 s" in verdict.said

@@ -24,7 +24,8 @@ from gaitchain.gait.library_file import load_library
 from gaitchain.gait.qualification import Qualification
 from gaitchain.messages import GRAVITY, Array, Command, Sensors
 from gaitchain.robot.identified import Identified
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.push import Push
+from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
 NEAR = 1e-9  # rad; asked for is 1e-5

@@ -261,7 +261,7 @@ def test_names_of_what_was_identified_without_its_numbers_are_refused():
     [
         ("trunk_mass", "x", "trunk_mass"),
         ("trunk_mass", 0.0, "above 0"),
-        ("knee", 99, "knee 99"),
+        ("knee", 99, "knee is 99"),
         ("held", ["head"], "held"),
         ("joint_names", "left", "joint_names"),
     ],

@@ -11,9 +11,11 @@ from gaitchain.build.journal import Journal
 from gaitchain.cli import identify, run
 from gaitchain.errors import LogError
 from gaitchain.gait.library_file import load_library, save_library
-from gaitchain.identify import fit
-from gaitchain.identify.fit import Fit, Round, fit_logs
+from gaitchain.identify import motion_fit
+from gaitchain.identify.fit import Fit, fit_logs
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog, load_log, save_log
+from gaitchain.identify.motion_fit import Belief, MotionFit, Round, rms, weights_of
+from gaitchain.identify.parameters import Parameters
 from gaitchain.identify.simulated import exercise_hidden, replay
 from gaitchain.live.exercise import Motion, exercise
 from gaitchain.messages import CONTROL_PERIOD_S
@@ -55,9 +57,9 @@ def swung():
 @pytest.fixture(scope="module")
 def found(swung):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(fit._SEARCHES, "held", 8)
-        patch.setattr(fit, "_EXPLAINED", np.inf)  # of so few rounds
-        patch.setattr(fit, "_NEAR", (Round(0.1, 0.4),))
+        patch.setitem(motion_fit.SEARCHES, "held", 8)
+        patch.setattr(motion_fit, "EXPLAINED", np.inf)  # of so few rounds
+        patch.setattr(motion_fit, "NEAR", (Round(0.1, 0.4),))
         return fit_logs(RES, [swung], 1, quiet)
 
 
@@ -121,7 +123,7 @@ def test_a_replay_shows_an_imu_that_is_late_between_its_rows():
 @pytest.mark.slow
 def test_a_robot_that_stands_tells_how_late_its_imu_is():
     """Where all else is known; one round of replays."""
-    parameters = fit.Parameters(RES.legs.joint_names)
+    parameters = Parameters(RES.legs.joint_names)
     size = len(parameters.all)
     (own,) = [i for i, p in enumerate(parameters.all) if p.name == "imu_delay_s"]
     start, known = np.zeros(size), np.full(size, 1e-4)
@@ -129,8 +131,8 @@ def test_a_robot_that_stands_tells_how_late_its_imu_is():
     believed = parameters.read(start)[0]
     sway = Motion("standing", exercise(RES)[1].targets[200:600])
     log = log_of(sway, replace(believed, imu_delay_s=0.02))
-    motion = fit._Motion(RES, log.parts[0], parameters, 1)
-    belief, rng = fit._Belief(start, np.diag(known**2)), np.random.default_rng(0)
+    motion = MotionFit(RES, log.parts[0], parameters, 1)
+    belief, rng = Belief(start, np.diag(known**2)), np.random.default_rng(0)
     found, covariance = motion.improve(start, belief, Round(1.0), rng)
     assert parameters.read(found)[0].imu_delay_s == pytest.approx(0.02, abs=0.003)
     assert np.sqrt(covariance[own, own]) < 0.3
@@ -138,21 +140,21 @@ def test_a_robot_that_stands_tells_how_late_its_imu_is():
 
 def test_numbers_explain_a_log_that_leave_noise_alone(swung):
     """Those that made it do; a degree more of play of one joint does not."""
-    parameters = fit.Parameters(RES.legs.joint_names)
+    parameters = Parameters(RES.legs.joint_names)
     right = np.zeros(len(parameters.all))
     found, lean = parameters.read(right)
     motion = swung.parts[0].motion
     seen = replay(RES.as_identified(found), motion, lean, World(noise=1.0))
-    fitted = fit._Motion(RES, MotionLog(motion, seen), parameters, 1)
-    assert fitted._explains(right)
+    fitted = MotionFit(RES, MotionLog(motion, seen), parameters, 1)
+    assert fitted.explains(right)
     wrong = right.copy()
     wrong[parameters.places("backlash_deg")[2]] += 2.0
-    assert not fitted._explains(wrong)
+    assert not fitted.explains(wrong)
 
 
 def test_joints_of_one_make_are_believed_to_be_alike():
     """What is drawn has the correlation that is believed; its parts are as said."""
-    parameters = fit.Parameters(RES.legs.joint_names)
+    parameters = Parameters(RES.legs.joint_names)
     of = [p.name for p in parameters.all]
     play, gain = of.index("backlash_deg"), of.index("gain")
     common, own = parameters.draw(20_000, np.random.default_rng(0))
@@ -166,7 +168,7 @@ def test_joints_of_one_make_are_believed_to_be_alike():
 
 def test_likeness_is_what_is_believed_of_differences_alone():
     """It has the precision of the difference of two joints, and none of their mean."""
-    parameters = fit.Parameters(RES.legs.joint_names)
+    parameters = Parameters(RES.legs.joint_names)
     of = np.array([p.name for p in parameters.all])
     precision = np.linalg.inv(parameters.correlation())
     for name in ("damping", "backlash_deg", "dry_friction"):
@@ -201,7 +203,7 @@ def test_residuals_that_are_alike_count_as_few():
     white = rng.normal(size=(4000, 18))
     alike = np.repeat(white[:40], 100, axis=0)
     present = np.ones(white.shape, dtype=bool)
-    many, few = fit._weights(white, present), fit._weights(alike, present)
+    many, few = weights_of(white, present), weights_of(alike, present)
     np.testing.assert_allclose(many[:12], 1.0, rtol=0.25)
     assert (few < 0.35 * many).all()
 
@@ -210,14 +212,14 @@ def test_rows_without_a_sensor_are_no_small_residuals():
     rng = np.random.default_rng(0)
     present = rng.random((4000, 18)) < 0.1
     table = np.where(present, rng.normal(size=present.shape), 0.0)
-    np.testing.assert_allclose(fit._weights(table, present), 1.0, rtol=0.35)
+    np.testing.assert_allclose(weights_of(table, present), 1.0, rtol=0.35)
 
 
 def motion_with(swung, **sensors):
     """Return the fit's motion of a log with other columns."""
     seen = replace(swung.parts[0].measured, **sensors)
     part = replace(swung.parts[0], measured=seen)
-    return fit._Motion(RES, part, fit.Parameters(RES.legs.joint_names), 1)
+    return MotionFit(RES, part, Parameters(RES.legs.joint_names), 1)
 
 
 def test_a_missing_imu_says_nothing(swung):
@@ -244,7 +246,7 @@ def test_what_is_missed_is_that_of_rows_that_came(capsys):
     missed = np.full((ROWS, 18), np.nan)
     missed[:, :12] = 0.01
     missed[::4, 12:15] = 0.2
-    before, after = fit._rms([missed]), fit._rms([missed, missed])
+    before, after = rms([missed]), rms([missed, missed])
     np.testing.assert_allclose(after[:2], [0.01, 0.2])
     assert after[2] is None
     shown = Fit(TRUE, (), before, after, (("held", missed, missed),))
@@ -275,9 +277,9 @@ def test_a_library_is_fitted_by_the_command_line(tmp_path, monkeypatch, capsys):
 
     Interrupted there it has shown the fit, and goes on with the same one.
     """
-    monkeypatch.setitem(fit._SEARCHES, "held", 1)
-    monkeypatch.setitem(fit._ROUNDS, "held", (Round(0.2),))
-    monkeypatch.setattr(fit, "_REPLAYS", 60)
+    monkeypatch.setitem(motion_fit.SEARCHES, "held", 1)
+    monkeypatch.setitem(motion_fit.ROUNDS, "held", (Round(0.2),))
+    monkeypatch.setattr(motion_fit, "REPLAYS", 60)
     fits, adapt = [], identify.adapt
     monkeypatch.setattr(
         identify, "adapt", lambda *given: fits.append(given[1]) or adapt(*given)
@@ -301,7 +303,7 @@ def test_a_library_is_fitted_by_the_command_line(tmp_path, monkeypatch, capsys):
     assert "replay misses the joints by" in said
     assert "mine.gait.identify.jsonl: what is finished; the same command" in said
     assert not out.exists()
-    monkeypatch.setattr(fit._Motion, "fit", lambda *given: pytest.fail("fitted again"))
+    monkeypatch.setattr(MotionFit, "fit", lambda *given: pytest.fail("fitted again"))
     with few_steady_walks():
         assert run(words) in (0, 1)
     assert "going on after 1 finished pieces" in capsys.readouterr().out

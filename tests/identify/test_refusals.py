@@ -8,9 +8,10 @@ from servo_bench import RES
 
 from gaitchain.cli import run
 from gaitchain.errors import LogError
-from gaitchain.identify import fit
+from gaitchain.identify import motion_fit
 from gaitchain.identify.fit import fit_logs
 from gaitchain.identify.log import ExerciseLog, MotionLog, save_log
+from gaitchain.identify.motion_fit import MotionFit
 from gaitchain.identify.parameters import OF_IMU, OF_STAND, Parameters
 from gaitchain.identify.refusals import (
     check_content,
@@ -176,8 +177,8 @@ def test_gaps_in_each_second_row_switch_no_refusal_off(good):
 
 def test_a_fit_that_explains_nothing_is_refused(good, monkeypatch):
     """Of a log that no robot makes, or where nothing is fitted: no numbers are told."""
-    monkeypatch.setitem(fit._SEARCHES, "held", 0)
-    monkeypatch.setitem(fit._ROUNDS, "held", ())
+    monkeypatch.setitem(motion_fit.SEARCHES, "held", 0)
+    monkeypatch.setitem(motion_fit.ROUNDS, "held", ())
     with pytest.raises(LogError, match="the log tells no number of any joint"):
         fit_logs(RES, [log_with(good)], 1, quiet)
     bent = good.measured.joint_position + np.radians(20.0) * (np.arange(12) == 3)
@@ -204,7 +205,7 @@ def test_what_nothing_shows_stays_as_in_the_file(imu, good, monkeypatch):
     drawn, known = np.zeros(len(parameters.all)), 1e-4 * np.eye(len(parameters.all))
     for name in (*OF_IMU, *OF_STAND):
         drawn[parameters.places(name)] = 0.5
-    monkeypatch.setattr(fit._Motion, "fit", lambda *given: (drawn, known))
+    monkeypatch.setattr(MotionFit, "fit", lambda *given: (drawn, known))
     none = np.full((500, 3), np.nan)
     blind = replace(good.measured, angular_velocity=none, acceleration=none)
     part = good if imu else replace(good, measured=blind)

@@ -31,8 +31,9 @@ from gaitchain.robot.identified import (
 )
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 from gaitchain.sim.model import build_model
+from gaitchain.sim.push import Push
 from gaitchain.sim.robot_faults import likely_robot, plays
-from gaitchain.sim.world import DISTURBANCES, Push, World
+from gaitchain.sim.world import DISTURBANCES, World
 from gaitchain.walker.mounting import Mounting, turned
 from gaitchain.walker.walker import Walker
 

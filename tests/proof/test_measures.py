@@ -14,7 +14,8 @@ from gaitchain.proof import measures
 from gaitchain.proof.falls import judge_falls, potential_drop, watch_fall
 from gaitchain.proof.push_limit import FEW, HALF, log_normal_quantile, push_limits
 from gaitchain.proof.stops import Stop, judge_stops, measure_stop
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.push import Push
+from gaitchain.sim.world import World
 
 LIBRARY = load_library(shipped_library())
 AHEAD = (Segment(Command(0.4), 4.0),)

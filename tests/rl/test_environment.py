@@ -14,7 +14,8 @@ from gaitchain.rl.environment import WalkEnv
 from gaitchain.rl.expert import Expert, open_library
 from gaitchain.rl.phase import StepPhase
 from gaitchain.rl.registration import WALK, register
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.push import Push
+from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
 gymnasium = pytest.importorskip("gymnasium")

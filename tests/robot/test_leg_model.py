@@ -38,6 +38,21 @@ def test_a_joint_too_many_is_refused():
         replace(BOX, joint_names=(*JOINT_NAMES, "left_toe", "right_toe"))
 
 
+@pytest.mark.parametrize(
+    ("name", "number", "told"),
+    [
+        ("upper", np.inf, r"range is -1.4 to inf rad, must be finite"),
+        ("upper", -2.0, r"range is -1.4 to -2 rad, must rise"),
+        ("joint_damping", 1e6, r"own damping is 1e\+06 N m s/rad, must be .* at most"),
+    ],
+)
+def test_the_joint_is_named_whose_numbers_cannot_be(name, number, told):
+    numbers = np.array(getattr(BOX, name))
+    numbers[4] = number
+    with pytest.raises(RobotFileError, match=f"^leg joint {JOINT_NAMES[4]}: {told}"):
+        replace(BOX, lower=np.full(12, -1.4), **{name: numbers})
+
+
 @pytest.mark.parametrize("soles", [SOLES[:1], (SOLES[0], SOLES[0][:2])])
 def test_soles_that_are_none_are_refused(soles):
     with pytest.raises(RobotFileError, match="corners of soles"):

@@ -17,8 +17,9 @@ from gaitchain.robot.box_robot import box_legs
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.arm_motion import ArmMotion
 from gaitchain.sim.bodies import body_names
+from gaitchain.sim.push import Punches, Push
 from gaitchain.sim.push_force import Pushes, draw_punches
-from gaitchain.sim.world import DISTURBANCES, Punches, Push, World
+from gaitchain.sim.world import DISTURBANCES, World
 from gaitchain.sim.world_draws import PUNCHES_STREAM, stream_of
 
 RES = load_robot("res")

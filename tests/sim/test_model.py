@@ -8,7 +8,7 @@ from other_robots import resized
 from gaitchain.gait.family import STAND
 from gaitchain.gait.keypose.presets import draw_candidates
 from gaitchain.robot.box_robot import JOINT_NAMES, load_box_robot
-from gaitchain.robot.joint_angles import FRONTAL_JOINTS, joint_angles
+from gaitchain.robot.joint_angles import joint_angles
 from gaitchain.sim.model import World, build_model, standing_height
 
 RES = load_box_robot("res")
@@ -40,11 +40,6 @@ def test_twelve_servos_within_80_degrees(model):
     np.testing.assert_allclose(model.actuator_ctrlrange, [[-LIMIT, LIMIT]] * 12)
     np.testing.assert_allclose(model.actuator_forcerange, [[-120.0, 120.0]] * 12)
     assert np.all(model.jnt_limited[1:] == 1)
-
-
-def test_half_of_the_joints_are_frontal():
-    assert set(FRONTAL_JOINTS) < set(JOINT_NAMES)
-    assert 2 * len(set(FRONTAL_JOINTS)) == len(JOINT_NAMES) == 12
 
 
 def test_total_mass(model):

@@ -16,8 +16,10 @@ from gaitchain.errors import CommandError
 from gaitchain.gait.limits import Limits, declared
 from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.robot.box_robot import load_box_robot
+from gaitchain.sim.disturbance import Disturbance
 from gaitchain.sim.model import build_model
-from gaitchain.sim.world import DISTURBANCES, Disturbance, Push, World
+from gaitchain.sim.push import Push
+from gaitchain.sim.world import DISTURBANCES, World
 from gaitchain.sim.world_draws import (
     CLEAR_RADIUS_M,
     SensorNoise,
@@ -705,5 +707,5 @@ def test_harder_worlds_have_the_faults_of_one_robot_but_not_those_of_training():
     for world in drawn(own.harder(), count=5):
         assert world.gain_error == 0.3
         assert world.delay_s > 0.0
-        assert not (world.servos_err or world.sensors_err or world.noise)
-    assert any(world.sensors_err for world in drawn(own, count=5))
+        assert not (world.has_servo_faults or world.has_sensor_faults or world.noise)
+    assert any(world.has_sensor_faults for world in drawn(own, count=5))

@@ -14,7 +14,8 @@ from gaitchain.build.stride_rollout import walk_strides
 from gaitchain.gait.schedule import Segment
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.messages import CONTROL_PERIOD_S, Command
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.push import Push
+from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
 RUN_IN_S, WALK_S = 2.0, 6.0

@@ -15,7 +15,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from gaitchain.analysis.record import SUPPORTS, Limit, WalkRecord, joint_names
-from gaitchain.errors import GaitchainError, RecordError, file_errors
+from gaitchain.errors import GaitchainError, RecordError, file_errors, names_apart
 from gaitchain.gait.file_kind import other_kind
 from gaitchain.gait.motion import Timing
 from gaitchain.messages import Command, PanelMessage
@@ -175,7 +175,7 @@ def _check(arrays: Mapping[str, NDArray[Any]], robot: Robot | None) -> None:
     joints = len(joint_names(robot))
     counts = {_JOINTS: joints, _BASE + _JOINTS: _BASE + joints}
     if set(arrays) != set(_COLUMNS):
-        raise ValueError(f"columns differ: {sorted(set(arrays) ^ set(_COLUMNS))}")
+        raise ValueError(f"columns {names_apart(arrays, _COLUMNS)}")
     rows = len(arrays["qpos"])
     for name, known in _COLUMNS.items():
         shape = tuple(counts.get(size, size) for size in known)

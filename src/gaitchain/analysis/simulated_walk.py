@@ -18,10 +18,11 @@ from gaitchain.walker.waypoints import Near, Place, Way
 
 SETTLE_S = 1.0
 """Standing time before the first and after the last step [s]."""
+SETTLE_TICKS = round(SETTLE_S / CONTROL_PERIOD_S)
+"""The same in control periods."""
 STOP_S, STOP_STEPS = 3.0, 3.0
 """Time limit for coming to a stand after a timed schedule: the longer of these seconds
 and these steps."""
-_SETTLE_TICKS = round(SETTLE_S / CONTROL_PERIOD_S)
 # Of the time limit for a way point. RES takes 7 to 18 s more than at full speed, for
 # turning, slowing down and coming to a stand; who slips or is pushed, is slower.
 _WAY_S, _WAY_PARTS = 60.0, 2.0
@@ -76,7 +77,7 @@ def follow_schedule(
     """
     loop = _FollowedLoop(walker, backend)
     *_, rest = _carry_out(loop, schedule)
-    stood = loop.fell_at_s is None and loop.ticks - rest >= _SETTLE_TICKS
+    stood = loop.fell_at_s is None and loop.ticks - rest >= SETTLE_TICKS
     return replace(loop.walked(), stood=stood)
 
 
@@ -88,8 +89,8 @@ def _carry_out(loop: "WatchedLoop", schedule: Schedule) -> tuple[int, ...]:
         return _count_steps(loop, schedule, due)
     loop.give(due)
     stop_s = max(STOP_S, STOP_STEPS * timing.step)
-    latest, stood = loop.ticks + _tick(stop_s) + _SETTLE_TICKS, 0
-    while stood < _SETTLE_TICKS and loop.ticks < latest:
+    latest, stood = loop.ticks + _tick(stop_s) + SETTLE_TICKS, 0
+    while stood < SETTLE_TICKS and loop.ticks < latest:
         if not loop.run_until(loop.ticks + 1):
             break
         # A robot that stands may make another step to put its feet side by side.
@@ -204,7 +205,7 @@ def _count_steps(
     step_ticks = tuple(each * i for i in range(len(commands)))
     loop.walker.follow(commands)
     loop.commands += [next(same) for _, same in groupby(due, lambda pair: pair[1])]
-    loop.run_until(step_ticks[-1] + _SETTLE_TICKS)
+    loop.run_until(step_ticks[-1] + SETTLE_TICKS)
     return step_ticks
 
 
@@ -238,7 +239,7 @@ class WatchedLoop:
 
     def _rest(self) -> Iterator[Array]:
         """Yield the targets of a robot that settles."""
-        yield from repeat(self.walker.standing_targets.position, _SETTLE_TICKS)
+        yield from repeat(self.walker.standing_targets.position, SETTLE_TICKS)
         for _ in range(_tick(self.walker.gait.rest_s)):
             yield self.walker.step(self.backend.read()).position
 
@@ -317,7 +318,7 @@ class _RecordedLoop(WatchedLoop):
         """Let the robot stand; if it falls, that is recorded in place of a walk."""
         gait, rows = self.walker.gait, []
         rest = _tick(gait.rest_s)
-        for tick, target in enumerate(self._rest(), start=-_SETTLE_TICKS - rest):
+        for tick, target in enumerate(self._rest(), start=-SETTLE_TICKS - rest):
             time_s = tick * CONTROL_PERIOD_S
             row = observe(time_s, target, gait, self._simulator)
             if tick < -rest:  # the walker has not measured anything yet

@@ -19,6 +19,7 @@ from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import GRAVITY, Array
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.model import build_model
+from gaitchain.sim.rotation import quaternion
 from gaitchain.walker.stride_setup import make_walk
 
 STRIDE = 0.3
@@ -90,9 +91,7 @@ def _position(walk: WalkController, lead: Array) -> Array:
     turn = found.feet[leg].T
     ankle = np.array([0.0, 0.0, walk.legs.ankle_height])
     base = ankle - turn @ (found.ankles[leg] + lead)
-    quaternion = np.empty(4)
-    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(turn).ravel())
-    return np.concatenate([base, quaternion, joints])
+    return np.concatenate([base, quaternion(turn), joints])
 
 
 def _differences(model: Any, positions: Array) -> Array:

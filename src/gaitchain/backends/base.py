@@ -4,13 +4,20 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import msgspec
+import numpy as np
 
 from gaitchain.messages import Array, MotorTargets, Sensors
-from gaitchain.sim.world import DISTURBANCES, Arms, Punches, Push
+from gaitchain.sim.push import Punches, Push
+from gaitchain.sim.world import DISTURBANCES, Arms
 
 TORQUE_UNIT = "N m"
 """`Backend.load_unit` of a backend that measures joint torques."""
 Numbers = tuple[float, ...]
+
+
+def numbers(*parts: Array) -> Numbers:
+    """Return the numbers of arrays of any shape one after the other, as messages do."""
+    return tuple(number for part in parts for number in np.ravel(part).tolist())
 
 
 class Truth(msgspec.Struct, frozen=True):

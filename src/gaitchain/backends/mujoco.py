@@ -10,20 +10,21 @@ from gaitchain.backends.base import (
     TORQUE_UNIT,
     Disturbances,
     LinkHealth,
-    Numbers,
     PunchesState,
     Truth,
+    numbers,
 )
 from gaitchain.errors import CommandError
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Sensors
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.model import build_model
 from gaitchain.sim.outside_forces import OutsideForces
+from gaitchain.sim.push import Push
 from gaitchain.sim.robot_faults import encoder_offsets, likely_robot, world_of
 from gaitchain.sim.sensor_faults import SensorFaults
 from gaitchain.sim.servo_faults import ServoFaults
 from gaitchain.sim.truth import SimulatorTruth
-from gaitchain.sim.world import SAME_PERIOD, Push, World
+from gaitchain.sim.world import SAME_PERIOD, World
 from gaitchain.sim.world_draws import SensorNoise
 
 _BASE = 7  # generalised coordinates of the free joint
@@ -89,11 +90,11 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         self.world = world_of(robot, world)
         self._substeps = count_steps(period_s, self.world.timestep)
         known = robot.identified is not None
-        self._servos_err = known or self.world.servos_err
-        self._sensors_err = known or self.world.sensors_err
+        self._has_servo_faults = known or self.world.has_servo_faults
+        self._has_sensor_faults = known or self.world.has_sensor_faults
         # Servos with faults have a bus of their own that delays targets.
         modelled = self.world
-        if self._servos_err:
+        if self._has_servo_faults:
             modelled = replace(self.world, delay_s=0.0)
         self.model = build_model(robot, modelled)
         self.data = mujoco.MjData(self.model)
@@ -120,10 +121,10 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         world, joints = self.world, self.model.nu
         self._noise = SensorNoise(world, joints)
         self._sensors = self._servos = None
-        if self._sensors_err:
+        if self._has_sensor_faults:
             offsets = encoder_offsets(self._robot, world)
             self._sensors = SensorFaults(world, offsets)
-        if self._servos_err:
+        if self._has_servo_faults:
             self._servos = ServoFaults(self.model, self.data, world, self._robot)
 
     def connect(self, position: Array) -> None:
@@ -229,15 +230,15 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         """Return the ground truth of the robot now."""
         data, feet = self.data, self.feet
         return Truth(
-            qpos=_numbers(self._positions),
-            qvel=_numbers(self._rates),
-            place=_numbers(data.xpos[feet]),
-            turn=_numbers(data.xmat[feet]),
-            wrench=_numbers(self.ground_wrenches()),
-            twist=_numbers(data.cvel[feet]),
-            com=_numbers(data.subtree_com[1]),
+            qpos=numbers(self._positions),
+            qvel=numbers(self._rates),
+            place=numbers(data.xpos[feet]),
+            turn=numbers(data.xmat[feet]),
+            wrench=numbers(self.ground_wrenches()),
+            twist=numbers(data.cvel[feet]),
+            com=numbers(data.subtree_com[1]),
             tilt=self.tilt,
-            foot_height=_numbers(self.sole_heights()),
+            foot_height=numbers(self.sole_heights()),
             self_contact=self.self_contact,
         )
 
@@ -291,10 +292,6 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
     def known_pushes(self) -> list[Push]:
         """The world's pushes, and its punches so far."""
         return self._outside.pushes.known(self.data.time)
-
-
-def _numbers(values: Array) -> Numbers:
-    return tuple(values.ravel().tolist())
 
 
 def count_steps(period_s: float, timestep: float) -> int:

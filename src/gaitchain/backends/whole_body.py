@@ -3,15 +3,17 @@
 import mujoco
 import numpy as np
 
-from gaitchain.backends.base import Disturbances, Truth
+from gaitchain.backends.base import Disturbances, Truth, numbers
 from gaitchain.backends.model import ModelBackend
 from gaitchain.backends.mujoco import SimulatedMotors
 from gaitchain.balance.leg_kinematics import Legs, legs_of, posture
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Sensors
-from gaitchain.sim.bodies import check_body
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.bodies import check_body, subtree
+from gaitchain.sim.push import Push
+from gaitchain.sim.rotation import quaternion
+from gaitchain.sim.world import World
 
 _ALL = slice(None)
 _CALM = Disturbances(None, World.arms, World.payload)
@@ -53,9 +55,9 @@ class WholeBodyBackend(SimulatedMotors):
         self._dofs = [int(self.model.jnt_dofadr[joint]) for joint in joints]
         half = len(joints) // 2
         ends = joints[half - 1], joints[-1]
-        self._feet = [self._carried(int(self.model.jnt_bodyid[end])) for end in ends]
+        self._feet = [self._beyond(end) for end in ends]
         roots = joints[0], joints[half]
-        self._sides = [set(self._carried(int(self.model.jnt_bodyid[r]))) for r in roots]
+        self._sides = [set(self._beyond(root)) for root in roots]
         self._sole_corners = _corners(self._legs)
         self._pushes: list[Push] = []
 
@@ -125,17 +127,17 @@ class WholeBodyBackend(SimulatedMotors):
         feet, ankles = turn @ found.feet, at + found.ankles @ turn.T
         corners = ankles[:, None] + self._sole_corners @ feet.swapaxes(1, 2)
         return Truth(
-            qpos=_numbers(at, _quaternion(turn), joints),
-            qvel=_numbers(self._pelvis_speed(), data.qvel[self._dofs]),
-            place=_numbers(ankles),
-            turn=_numbers(feet),
-            wrench=_numbers(*map(self._wrench, self._feet)),
-            twist=_numbers(*(data.cvel[foot[0]] for foot in self._feet)),
-            com=_numbers(data.subtree_com[self._body.in_model.base]),
+            qpos=numbers(at, quaternion(turn), joints),
+            qvel=numbers(self._pelvis_speed(), data.qvel[self._dofs]),
+            place=numbers(ankles),
+            turn=numbers(feet),
+            wrench=numbers(*map(self._wrench, self._feet)),
+            twist=numbers(*(data.cvel[foot[0]] for foot in self._feet)),
+            com=numbers(data.subtree_com[self._body.in_model.base]),
             tilt=_tilt(turn),
-            foot_height=_numbers(corners[..., 2].min(axis=1)),
+            foot_height=numbers(corners[..., 2].min(axis=1)),
             self_contact=self._legs_touch(),
-            whole=_numbers(data.qpos),
+            whole=numbers(data.qpos),
         )
 
     def push(
@@ -223,13 +225,9 @@ class WholeBodyBackend(SimulatedMotors):
         speed = speed + axes @ np.cross(spin, self._at)
         return np.concatenate([speed, self._body.in_model.turn.T @ spin])
 
-    def _carried(self, root: int) -> list[int]:
-        """Return a body and all that it carries."""
-        found = [root]
-        for body in range(root + 1, self.model.nbody):  # parents come first
-            if self.model.body_parentid[body] in found:
-                found.append(body)
-        return found
+    def _beyond(self, joint: int) -> list[int]:
+        """Return the bodies that a joint moves."""
+        return subtree(self.model, int(self.model.jnt_bodyid[joint]))
 
     def _legs_touch(self) -> bool:
         pairs = self.model.geom_bodyid[self.data.contact.geom]
@@ -251,13 +249,3 @@ def _tilt(turn: Array) -> tuple[float, float]:
     """Return roll and pitch of R_z(yaw) R_y(pitch) R_x(roll) [rad]."""
     x, y, z = turn[2].tolist()
     return float(np.arctan2(y, z)), float(-np.arctan2(x, np.hypot(y, z)))
-
-
-def _quaternion(turn: Array) -> Array:
-    found = np.zeros(4)
-    mujoco.mju_mat2Quat(found, np.ascontiguousarray(turn).ravel())
-    return found
-
-
-def _numbers(*parts: Array) -> tuple[float, ...]:
-    return tuple(np.concatenate([np.ravel(part) for part in parts]).tolist())

@@ -48,9 +48,14 @@ def weigh_offset(
 def weigh(
     legs: Legs, joints: Array, rates: Array, targets: Array, level: Array
 ) -> tuple[bool, float, float]:
-    """Measure how far the robot's CoM is off that of its model.
+    """Measure how far the robot's CoM is off that of its model, without an array.
 
-    Arguments are those of `weigh_offset`.
+    Args:
+        legs: the robot.
+        joints: (2 n,) measured [rad].
+        rates: (2 n,) measured [rad/s].
+        targets: (2 n,) the latest servo targets [rad].
+        level: (3, 3) rotation from the pelvis frame to the level frame.
 
     Returns:
         Whether the robot stands, and the offset ahead and left in the level frame [m].

@@ -23,7 +23,19 @@ def beyond(error: float, zone: float) -> float:
 def hermite(
     start: float, rate: float, end: float, end_rate: float, span: float, time: float
 ) -> tuple[float, float, float]:
-    """Evaluate the cubic through both ends at a time: value, rate, acceleration."""
+    """Evaluate the cubic with given values and rates at both ends.
+
+    Args:
+        start: value at the beginning.
+        rate: its rate there [1/s].
+        end: value at the end.
+        end_rate: its rate there [1/s].
+        span: time from beginning to end, above 0 [s].
+        time: since the beginning [s].
+
+    Returns:
+        Value, rate [1/s] and acceleration [1/s^2].
+    """
     slope = (end - start) / span
     a = (rate + end_rate - 2.0 * slope) / span**2
     b = (3.0 * slope - 2.0 * rate - end_rate) / span

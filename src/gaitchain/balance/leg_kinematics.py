@@ -14,10 +14,9 @@ import numpy as np
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.rotations import about
 from gaitchain.messages import GRAVITY, Array
-from gaitchain.robot.leg_model import LegModel, Soles
+from gaitchain.robot.leg_model import MOSTLY, LegModel, Soles
 from gaitchain.robot.robot import Robot
 
-_MOSTLY = 0.7  # least component of a unit axis that counts as about that direction
 _BENDS = 181  # knee angles that are tried to find the straight leg
 # Of the leg: a narrower sole stays as it landed. G1's is 0.076, Berkeley's 0.137 wide.
 _NARROW = 0.1
@@ -200,7 +199,7 @@ def _ankle_levers(full: LegModel) -> tuple[float, float]:
     limits = full.torque_limit.reshape(2, -1).min(axis=0)
     levers = []
     for turned in (1, 0):
-        below = np.abs(full.axis[0, full.knee + 1 :, turned]) > _MOSTLY
+        below = np.abs(full.axis[0, full.knee + 1 :, turned]) > MOSTLY
         own = limits[full.knee + 1 :][below]
         levers.append(float(own[0]) if own.size else np.inf)
     weight = full.mass * GRAVITY

@@ -22,8 +22,9 @@ from gaitchain.balance.state import (
 )
 from gaitchain.messages import Array, Sensors
 
+NEAR = 0.1
+"""DCM error over the leg's length beyond which the support foot may tip."""
 _LOOK_EVERY = 4  # control periods between corrections by the support foot
-_NEAR = 0.1  # of the leg: a robot further off its plan may tip its foot
 _FIRST_S = 0.5  # of standing that weighing begins with: its pelvis may sway
 _WEIGH_EVERY = 2  # control periods: weighing takes longer than the rest of a period
 
@@ -98,7 +99,7 @@ class StateEstimator:
 
     def _look(self) -> None:
         """Correct the attitude by the support foot."""
-        if math.hypot(*self._error) < _NEAR * self._legs.leg:
+        if math.hypot(*self._error) < NEAR * self._legs.leg:
             span_s = _LOOK_EVERY * self._period
             self._attitude = self._vertical.walk(
                 self._attitude, self._foot_tilt, span_s

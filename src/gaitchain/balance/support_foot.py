@@ -34,7 +34,8 @@ from gaitchain.balance.state import (
 )
 from gaitchain.messages import GRAVITY, Array
 
-_TIPPED = 0.02  # tilt from which on a foot stands on its edge alone [rad]
+TIPPED = 0.02
+"""Tilt from which on a foot stands on its edge alone [rad]."""
 
 
 @compiled
@@ -188,7 +189,7 @@ def _rolling(
     for j in range(count):
         for i in range(3):
             turning[i] += rates[support * count + j] * found.axes[support, j, i]
-    ahead, left = clip(-foot[2, 0] / _TIPPED, -1.0, 1.0), -foot[2, 1] / _TIPPED
+    ahead, left = clip(-foot[2, 0] / TIPPED, -1.0, 1.0), -foot[2, 1] / TIPPED
     pivot = np.empty(3)  # from the ankle, in the foot
     pivot[0] = 0.5 * (1.0 + ahead) * legs.sole_front
     pivot[0] += 0.5 * (1.0 - ahead) * legs.sole_rear

@@ -15,8 +15,9 @@ from gaitchain.chain.layered_chain import IntArray
 from gaitchain.chain.sampling import cover_once
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Schedule
+from gaitchain.sim.push import Punches, Push
 from gaitchain.sim.robot_faults import doubted
-from gaitchain.sim.world import DISTURBANCES, Punches, Push, World
+from gaitchain.sim.world import DISTURBANCES, World
 from gaitchain.walker.policy_table import safe_pairs
 
 EVERY_STEP = "every step"

@@ -41,7 +41,15 @@ class KeyPoseBuild(GaitBuild):
     grid = PAPER_GRID
 
     def draw(self, draw: Draw) -> Candidates:
-        """See `GaitBuild.draw`."""
+        """Draw key poses of the preset, and check every pair of them.
+
+        Args:
+            draw: config, robot and randomness; nothing is searched.
+
+        Raises:
+            LibraryError: the preset's steps do not join.
+            GaitchainError: see `GaitBuild.draw`.
+        """
         config, robot = draw.config, draw.robot
         preset, joints = str(config.preset), PoseJoints(robot)
         own, sways = Timing(), None

@@ -12,11 +12,12 @@ from gaitchain.build.families import build_of, build_of_family
 from gaitchain.build.gait_build import Candidates, Draw, Drawing
 from gaitchain.build.gate import gate, gate_own
 from gaitchain.build.no_walk import NoWalkError, check_walks
+from gaitchain.build.progress import Progress
 from gaitchain.build.qualify import qualify_steps
 from gaitchain.build.recovery_walks import recover
 from gaitchain.build.training_walks import Samples, walk_gaits
 from gaitchain.build.usual_errors import StepErrors, learn_usual, learn_usual_off
-from gaitchain.build.workers import Crew, Progress
+from gaitchain.build.workers import Crew
 from gaitchain.chain.choice_gain import ChoiceGain, choice_gain
 from gaitchain.chain.expectation import expected_costs, path_costs, pose_costs
 from gaitchain.chain.layered_chain import FloatArray, IntArray, LayeredChain
@@ -85,22 +86,37 @@ def build_library(
         The library, qualified or not, and the report.
 
     Raises:
+        NoWalkError: physics passes no walk ahead.
+        LibraryError: nor can it be built with the other servos.
         GaitchainError: the robot, the preset or a number is not usable.
     """
-    tell = progress or (lambda stage, done, total: None)
+    crew = Crew(workers, progress or (lambda stage, done, total: None))
     robot = robot or load_robot(config.robot, config.profile)
     if config.servo_gain is not None:
-        crew = Crew(workers, tell)
         return _build(config, robot.with_servo_gain(config.servo_gain), crew)
     try:
-        return _build(config, robot, Crew(workers, tell))
+        return _build(config, robot, crew)
     except NoWalkError as none:
         if none.servo_gain is None:
             raise
         first, gain = none, none.servo_gain * robot.servo_gain
-    crew = Crew(workers, tell).on(f"servos {gain:g} times")
+    return _build_again(config, robot.with_servo_gain(gain), crew, first)
+
+
+def _build_again(
+    config: BuildConfig, robot: Robot, crew: Crew, first: NoWalkError
+) -> tuple[GaitLibrary, BuildReport]:
+    """Build for a robot with other servo gains than those that held no walk.
+
+    Args:
+        config: configuration of the build.
+        robot: with the other gains.
+        crew: processes and progress.
+        first: why it is built again.
+    """
+    gain = robot.servo_gain
     try:
-        return _build(config, robot.with_servo_gain(gain), crew)
+        return _build(config, robot, crew.on(f"servos {gain:g} times"))
     except NoWalkError:
         raise  # it says with which servos
     except (ChainError, LibraryError) as error:

@@ -22,8 +22,8 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import GRAVITY, Command
 from gaitchain.sim.bodies import ANY_BODY, check_body
+from gaitchain.sim.push import Push
 from gaitchain.sim.push_force import draw_body
-from gaitchain.sim.world import Push
 from gaitchain.walker.walker import Walker
 
 RESOLUTION = 1.0 / 128.0

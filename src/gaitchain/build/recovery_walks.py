@@ -27,7 +27,8 @@ from gaitchain.chain.recovery import (
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Schedule, Segment
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.push import Push
+from gaitchain.sim.world import World
 from gaitchain.walker.step_size import StepSize
 from gaitchain.walker.stride_gait import StrideGait
 from gaitchain.walker.walker import Walker

@@ -14,7 +14,8 @@ from gaitchain.gait.stride.shape import LANDING, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import GRAVITY
 from gaitchain.robot.robot import Robot
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.push import Push
+from gaitchain.sim.world import World
 from gaitchain.sim.world_range import WorldRange
 
 FAST = 0.8
@@ -125,6 +126,17 @@ def steps_held(
 
     Of a walk whose steps the plan cannot make, the largest part that it can is walked,
     and counts as much: so a search is told which way to go.
+
+    Args:
+        robot: the robot.
+        shape: of its steps.
+        timing: of its steps [s].
+        walk: what is walked.
+        pace: speed ahead that counts as 1, over sqrt(g leg).
+        world: the world.
+
+    Returns:
+        0 to 1; a walk with a fall is worth half of that part.
     """
     for part in _SMALLER:
         less = walk.times(part)
@@ -143,7 +155,16 @@ def fits(
     pace: float,
     speed_limit_deg_s: float | None,
 ) -> bool:
-    """Return whether the plan can make a walk's steps, of equal ones the first."""
+    """Return whether the plan can make a walk's steps, of equal ones the first.
+
+    Args:
+        robot: the robot.
+        shape: of its steps.
+        timing: of its steps [s].
+        walk: what is walked.
+        pace: speed ahead that counts as 1, over sqrt(g leg).
+        speed_limit_deg_s: of the joints [deg/s]; None for the robot's own.
+    """
     poses, gaits = walk_of(robot, shape, timing.step, walk, pace, _CHECKED)
     speed = joint_speeds(robot, speed_limit_deg_s)
     return feasible_walk(poses, timing, gaits, speed)
@@ -161,7 +182,18 @@ def walk_of(
 
     The strides are standing, one and two thirds of the length, with which it begins and
     ends, and the two of a cycle: the first one may go outward and turn, the second one
-    follows. It makes as many steps as the walk asks for if no other number is given.
+    follows.
+
+    Args:
+        robot: the robot.
+        shape: of its steps.
+        step_s: time of a step [s].
+        walk: what is walked.
+        pace: speed ahead that counts as 1, over sqrt(g leg).
+        steps: number of steps; as many as the walk asks for by default.
+
+    Returns:
+        The strides, and (steps, 4) poses of each step by layer.
     """
     leg = robot.reduced.leg_length
     length = walk.ahead * pace * math.sqrt(GRAVITY * leg) * step_s

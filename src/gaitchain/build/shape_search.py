@@ -36,7 +36,8 @@ from gaitchain.errors import LibraryError
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
-from gaitchain.sim.world import Span, World
+from gaitchain.sim.disturbance import Span
+from gaitchain.sim.world import World
 
 GENERATIONS = 6
 STAGE = "searching the step's shape"
@@ -310,7 +311,7 @@ class _Search:
             error = gains.std() / math.sqrt(len(gains))
             if abs(gains.mean() - _BETTER) > _SURE * error:
                 break
-        self._task.crew.tell(STAGE, self._total, self._total)
+        self._task.crew.progress(STAGE, self._total, self._total)
         return bool(gains.mean() > _BETTER)
 
     def _adapt(self, held: Array) -> None:
@@ -338,5 +339,5 @@ class _Search:
         for part in run_jobs(steps_held, jobs, float, self._task.crew.workers):
             parts.append(part)
             self._done += 1
-            self._task.crew.tell(STAGE, self._done, self._total)
+            self._task.crew.progress(STAGE, self._done, self._total)
         return np.array(parts).reshape(len(shapes), len(walks))

@@ -22,7 +22,7 @@ from gaitchain.gait.motion import Timing
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.messages import GRAVITY
 from gaitchain.robot.robot import Robot
-from gaitchain.sim.world import Span
+from gaitchain.sim.disturbance import Span
 
 Rhythm = Callable[[StrideShape], Timing]
 """Gives the step times for a shape."""

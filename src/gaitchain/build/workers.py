@@ -1,18 +1,17 @@
 """Processes for the physics, and the report of their progress."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from numbers import Integral
 from typing import TypeVar
 
 from joblib.parallel import get_active_backend
 
+from gaitchain.build.progress import Progress
 from gaitchain.errors import CommandError
 from gaitchain.sim.world_range import WorldRange
 
-Progress = Callable[[str, int, int], None]
-"""Called with (stage, done, total)."""
 _T = TypeVar("_T")
 
 
@@ -22,7 +21,7 @@ class Crew:
 
     workers: int
     """Number of processes."""
-    tell: Progress
+    progress: Progress
     """Called to report progress."""
     worlds: WorldRange = field(default_factory=WorldRange)
     """Range of the worlds."""
@@ -38,7 +37,11 @@ class Crew:
 
     def on(self, what: str) -> "Crew":
         """Return the same crew, which says in each stage what it works on."""
-        return replace(self, tell=lambda stage, *n: self.tell(f"{what}: {stage}", *n))
+
+        def progress(stage: str, done: int, total: int) -> None:
+            self.progress(f"{what}: {stage}", done, total)
+
+        return replace(self, progress=progress)
 
     def track(self, stage: str, results: Iterator[_T], total: int) -> Iterator[_T]:
         """Yield the results, and report the progress after each.
@@ -48,9 +51,9 @@ class Crew:
             results: the results.
             total: their number.
         """
-        self.tell(stage, 0, total)
+        self.progress(stage, 0, total)
         for done, result in enumerate(results, start=1):
-            self.tell(stage, done, total)
+            self.progress(stage, done, total)
             yield result
 
 

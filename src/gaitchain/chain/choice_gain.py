@@ -23,16 +23,6 @@ class ChoiceGain:
     kept_greedy: float
     """With the paper's greedy rule over the poses that pruning kept."""
 
-    @property
-    def pruning_cost(self) -> float:
-        """Increase of the mean expected cost by pruning."""
-        return self.kept_poses - self.all_poses
-
-    @property
-    def look_ahead_gain(self) -> float:
-        """Decrease of the mean expected cost by looking ahead instead of greedily."""
-        return self.kept_greedy - self.kept_poses
-
 
 def choice_gain(
     all_paths: Sequence[FloatArray],

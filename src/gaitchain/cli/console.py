@@ -6,7 +6,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -17,20 +17,20 @@ from rich.console import Console, JustifyMethod
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
-    Progress,
     TextColumn,
     TimeRemainingColumn,
 )
+from rich.progress import Progress as Bars
 from rich.table import Table
 from rich.text import Text
 
+from gaitchain.build.progress import Progress
 from gaitchain.cli.endings import interrupts_kept
 from gaitchain.cli.options import ReportOptions
 from gaitchain.errors import CommandError, UnfinishedError
 from gaitchain.gait.file_kind import Kind, kind_of
 
 _T = TypeVar("_T")
-Tell = Callable[[str, int, int], None]
 _STDOUT = Path("-")
 _PICTURE, _TABLE = ".png", ".toml"
 _TENTHS = 10  # progress lines per stage if standard error is no terminal
@@ -142,7 +142,7 @@ def _console() -> Console:
 
 
 @contextmanager
-def progress() -> Iterator[Tell]:
+def progress() -> Iterator[Progress]:
     """Show the progress of each stage on standard error.
 
     On a terminal each stage has a bar, else it prints a line for each tenth.
@@ -162,14 +162,14 @@ def progress() -> Iterator[Tell]:
 
 
 @contextmanager
-def _shown() -> Iterator[Tell]:
+def _shown() -> Iterator[Progress]:
     """Yield the function that shows progress: none, lines or bars."""
     if not _output.get().progress:
         yield lambda stage, done, total: None
     elif not sys.stderr.isatty():
         yield _lines()
     else:
-        bars = Progress(
+        bars = Bars(
             TextColumn("{task.description:<28}"),
             BarColumn(),
             MofNCompleteColumn(),
@@ -191,7 +191,7 @@ def _shown() -> Iterator[Tell]:
                 bars.stop()
 
 
-def _lines() -> Tell:
+def _lines() -> Progress:
     """Return a function that prints a line for each tenth of a stage, with the time."""
     tenths, began_s = dict[str, int](), time.monotonic()
 

@@ -1,11 +1,11 @@
-"""Find the library that an argument of the command line names."""
+"""Find the library, and the robot, that arguments of the command line name."""
 
 from importlib.resources import files
 from pathlib import Path
 
 from gaitchain.cli.console import say
 from gaitchain.discover.catalogue import did_you_mean, files_beside
-from gaitchain.errors import LibraryError
+from gaitchain.errors import CommandError, LibraryError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.robot.robot import Robot
@@ -56,3 +56,24 @@ def read_library(word: str, robot: Robot | None = None) -> GaitLibrary:
         LibraryError: there is no such library, or it cannot be used.
     """
     return load_library(find_library(word), robot)
+
+
+def given_robot(robot: str | None, profile: Path | None) -> Robot | None:
+    """Load the robot that a library or a log must be of, if one is given.
+
+    Args:
+        robot: a name or a file.
+        profile: file of what the robot's file does not say.
+
+    Raises:
+        CommandError: there is a profile alone.
+        RobotFileError: file or profile cannot be used.
+    """
+    # Late: the verbs of a robot's computer read libraries, and it has no MuJoCo.
+    from gaitchain.discover.loaded_robot import load_robot  # noqa: PLC0415
+
+    if robot is not None:
+        return load_robot(robot, profile)
+    if profile is not None:
+        raise CommandError("--profile describes a robot: give --robot as well")
+    return None

@@ -4,8 +4,8 @@ import tempfile
 from pathlib import Path
 
 from gaitchain.cli.console import say
+from gaitchain.cli.libraries import given_robot
 from gaitchain.cli.options import Replay
-from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.errors import CommandError
 from gaitchain.live.logs.reader import Log, read_log
 from gaitchain.robot.compare import differences
@@ -16,7 +16,7 @@ from gaitchain.service.supervisor import serve
 
 def run(options: Replay) -> tuple[int, dict[str, str]]:
     """Play until Ctrl-C."""
-    given = _given(options)
+    given = given_robot(options.robot, options.profile)
     log = read_log(options.log)
     if given is not None:
         _check(given, log)
@@ -33,20 +33,6 @@ def run(options: Replay) -> tuple[int, dict[str, str]]:
         )
         code = serve(settings, open_browser=not options.no_browser, say=say)
     return code, {"log": str(options.log)}
-
-
-def _given(options: Replay) -> Robot | None:
-    """Load the robot that is to be drawn, if one is given.
-
-    Raises:
-        CommandError: there is a profile alone.
-        RobotFileError: its file or profile cannot be used.
-    """
-    if options.robot is not None:
-        return load_robot(options.robot, options.profile)
-    if options.profile is not None:
-        raise CommandError("--profile: of which robot? Give --robot as well")
-    return None
 
 
 def _check(given: Robot, log: Log) -> None:

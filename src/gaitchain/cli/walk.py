@@ -19,9 +19,9 @@ from gaitchain.analysis.walk_metrics import (
     support_region,
 )
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.build.progress import Progress
 from gaitchain.cli.build import cached_library
 from gaitchain.cli.console import (
-    Tell,
     check_writable,
     make_folder,
     print_table,
@@ -29,7 +29,7 @@ from gaitchain.cli.console import (
     say,
     write_json,
 )
-from gaitchain.cli.libraries import read_library
+from gaitchain.cli.libraries import given_robot, read_library
 from gaitchain.cli.options import Walk
 from gaitchain.cli.waypoints import (
     given_commands,
@@ -64,7 +64,6 @@ from gaitchain.gait.schedule import (
 )
 from gaitchain.messages import Command
 from gaitchain.robot.reduced_biped import is_boxes
-from gaitchain.robot.robot import Robot
 from gaitchain.sim.model import build_model
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
@@ -193,27 +192,18 @@ def _check_way(options: Walk) -> tuple[Place, ...]:
 
 def _library(options: Walk, given: Mapping[str, Any]) -> tuple[GaitLibrary, float]:
     if options.library is not None:
-        library = read_library(options.library, _must_be(options))
+        robot = given_robot(options.robot, options.profile)
+        library = read_library(options.library, robot)
         check_effects(given, library.robot)
         return library, 0.0
-    robot = options.robot or _ROBOT
-    loaded = load_robot(robot, options.profile)  # reports a bad file before any work
+    name = options.robot or _ROBOT
+    loaded = load_robot(name, options.profile)  # reports a bad file before any work
     check_effects(given, loaded)
     profile = None if options.profile is None else str(options.profile)
-    config = BuildConfig(robot=robot, profile=profile, seed=options.seed)
-    stem = Path(robot).stem
-    name = "".join(c for c in stem if c.isalnum() or c in "-_") or loaded.fingerprint
-    path = make_folder(options.out) / f"{name}.gait"
+    config = BuildConfig(robot=name, profile=profile, seed=options.seed)
+    stem = "".join(c for c in Path(name).stem if c.isalnum() or c in "-_")
+    path = make_folder(options.out) / f"{stem or loaded.fingerprint}.gait"
     return cached_library(config, path, options.workers)
-
-
-def _must_be(options: Walk) -> Robot | None:
-    """Load the robot that the library must be for, if one is given."""
-    if options.robot is not None:
-        return load_robot(options.robot, options.profile)
-    if options.profile is not None:
-        raise CommandError("--profile: of which robot? Give --robot as well")
-    return None
 
 
 def _schedule(text: str | None, library: GaitLibrary) -> Schedule:
@@ -290,15 +280,15 @@ def _three(command: Command) -> str:
 
 
 def _draw(
-    library: GaitLibrary, walked: _Walked, world: World, out: Path, tell: Tell
+    library: GaitLibrary, walked: _Walked, world: World, out: Path, progress: Progress
 ) -> None:
     """Write the record, the overview and the replay of a walk."""
-    tell("drawing", 0, 2)
+    progress("drawing", 0, 2)
     save_record(walked.record, out / RECORD)
     plot_walk(walked.record, library.robot, walked.schedule, out / "walk.png")
-    tell("drawing", 1, 2)
+    progress("drawing", 1, 2)
     _write_replay(library, walked.record, world, out / "walk.html")
-    tell("drawing", 2, 2)
+    progress("drawing", 2, 2)
 
 
 def _write_replay(

@@ -14,8 +14,9 @@ from gaitchain.gait.schedule import Schedule, check_schedule, parse_schedule
 from gaitchain.messages import Command
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.known_servos import KNOWN_SERVOS
+from gaitchain.sim.push import Punches, Push
 from gaitchain.sim.robot_faults import likely_robot
-from gaitchain.sim.world import DISTURBANCES, Punches, Push, World
+from gaitchain.sim.world import DISTURBANCES, World
 
 _PUSH = re.compile(r"^([^@]+)@([^@]+)(?:@([^@]+))?(?:@([^@]+))?$")
 _PUSHED_AT_S = 4.0

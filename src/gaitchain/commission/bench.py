@@ -9,6 +9,7 @@ import numpy as np
 
 from gaitchain.backends.dynamixel.backend import DynamixelBackend
 from gaitchain.backends.dynamixel.calibration import LOW_PWM, Calibration
+from gaitchain.build.progress import Progress
 from gaitchain.commission.screen import NoScreen, Screen
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.live.clock import Clock
@@ -69,7 +70,7 @@ class Bench:
     port: str
     rate_hz: float
     person: Person
-    tell: Callable[[str, int, int], None] = lambda stage, done, total: None
+    progress: Progress = lambda stage, done, total: None
     """Called with what is done, how far it is, and of how much."""
     screen: Screen = field(default_factory=NoScreen)
     """Shows the robot as it should be."""

@@ -91,7 +91,7 @@ def check_directions(bench: Bench) -> Verdict:
         mover.begin()
         mover.go(rest)
         for joint, (name, how) in enumerate(words.items()):
-            bench.tell("joints wiggle", joint + 1, len(words))
+            bench.progress("joints wiggle", joint + 1, len(words))
             bench.screen.point(joint, name)
             turned, way = _wiggle(mover, joint, rest, upper)
             moved_deg[name] = float(way * turned[joint])

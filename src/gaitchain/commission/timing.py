@@ -133,9 +133,9 @@ def check_timing(bench: Bench) -> Verdict:
     qualified_s = qualified_delay_s(bench.library)
     try:
         with bench.robot() as backend:
-            bench.tell("rate and delay", 0, 1)
+            bench.progress("rate and delay", 0, 1)
             timing = measure(backend, backend.load.write_s, bench.period_s)
-            bench.tell("rate and delay", 1, 1)
+            bench.progress("rate and delay", 1, 1)
     except BackendError as error:
         return Verdict("no-go", str(error), "mend the bus; `--from bus` checks it")
     return judge(bench, timing, qualified_s)

@@ -110,7 +110,7 @@ class _Drive:
     def _for(self, seconds: float, stage: str, command: Command) -> None:
         count = round(seconds / self._bench.period_s)
         for i in range(count):
-            self._bench.tell(stage, i + 1, count)
+            self._bench.progress(stage, i + 1, count)
             self._tick(command)
 
     def _until(self, there: Callable[[], bool], most_s: float, what: str) -> None:
@@ -192,7 +192,7 @@ def _shift(bench: Bench, mover: JointMover, targets: Array) -> None:
     """
     off = np.zeros(_joints(bench))
     for i, wanted in enumerate(targets):
-        bench.tell("shifts its weight", i + 1, len(targets))
+        bench.progress("shifts its weight", i + 1, len(targets))
         sent = mover.send(wanted)
         error = mover.seen[-1].joint_position - sent
         off += _part(bench.period_s) * (np.nan_to_num(error) - off)

@@ -21,6 +21,7 @@ from gaitchain.robot.compare import differences
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.bodies import SIDES, has_own_body, link_part
 from gaitchain.sim.looks import Look, Triangles
+from gaitchain.sim.rotation import quaternion
 
 _LOG = logging.getLogger(__name__)
 _SHOWN = 2  # the last group of geoms that MuJoCo's own viewer shows
@@ -159,9 +160,7 @@ def _carriers(rest: RestPose, robot: Robot) -> dict[int, tuple[str, Array]]:
 
 def _look(rest: RestPose, geom: int, body: str, at: Array, thin: _Thinning) -> Look:
     model, data = rest.model, rest.data
-    turn = np.empty(4)
-    axes = rest.turn(data.geom_xmat[geom].reshape(3, 3))
-    mujoco.mju_mat2Quat(turn, np.ascontiguousarray(axes).ravel())
+    turn = quaternion(rest.turn(data.geom_xmat[geom].reshape(3, 3)))
     kind = int(model.geom_type[geom])
     return Look(
         body=body,

@@ -16,7 +16,6 @@ from gaitchain.messages import Array
 
 _EQ, _OBJ = mujoco.mjtEq, mujoco.mjtObj
 _AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
-_ONE_WAY = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _KP, _KV = "kp, or gainprm", "kp, kv, or biasprm"
 
 

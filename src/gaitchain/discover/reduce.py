@@ -20,6 +20,7 @@ from gaitchain.messages import Array
 from gaitchain.robot.leg_model import DECIMALS, LegModel, Soles
 from gaitchain.robot.reduced_biped import ReducedBiped, check_units
 from gaitchain.robot.robot import Robot
+from gaitchain.sim.bodies import subtree
 
 _FASTEST = 30.0  # rad/s: of a servo whose file gives no speed
 _THICKNESS, _TRUNK_DEPTH = 0.15, 0.3  # of leg and hips: boxes that are only drawn
@@ -255,28 +256,20 @@ class RestPose:
     def trunk_bodies(self) -> set[int]:
         """Return the bodies that are no leg."""
         first = [self.model.joint(leg.joints[0]).bodyid[0] for leg in self.found.legs]
-        legs = {body for top in first for body in self._below(int(top))}
+        legs = {body for top in first for body in subtree(self.model, int(top))}
         root = self.model.body(self.found.base).id
-        return set(self._below(root)) - legs
+        return set(subtree(self.model, root)) - legs
 
     def link_bodies(self, leg: FoundLeg) -> list[set[int]]:
         """Return, for each joint, the bodies it moves and the next one does not."""
         tops = [int(self.model.joint(name).bodyid[0]) for name in leg.joints]
-        below = [set(self._below(top)) for top in tops] + [set()]
+        below = [set(subtree(self.model, top)) for top in tops] + [set()]
         return [own - beyond for own, beyond in pairwise(below)]
 
     def _hip(self, leg: FoundLeg) -> Array:
         joints = [self.data.joint(name) for name in leg.joints]
         hip = hip_pitch(np.array([joint.xaxis for joint in joints]), leg.knee)
         return np.array(joints[hip].xanchor)
-
-    def _below(self, top: int) -> list[int]:
-        """Return a body and all that hangs on it."""
-        found = [top]
-        for body in range(top + 1, self.model.nbody):
-            if self.model.body_parentid[body] in found:
-                found.append(body)
-        return found
 
     def _join(self, bodies: set[int]) -> RigidLink:
         """Add up masses and inertias."""

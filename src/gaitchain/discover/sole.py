@@ -50,7 +50,18 @@ class _Plane:
 def sole_of(
     robot: PinnedRobot, leg: LegParts, ankle: Array, length: float, answers: Profile
 ) -> tuple[FoundSole, str]:
-    """Find the flat outline under a foot and the rectangle in it, and say from what."""
+    """Find the flat outline under a foot and the rectangle in it.
+
+    Args:
+        robot: as it stands.
+        leg: whose foot it is.
+        ankle: (3,) ankle point, foot's frame [m].
+        length: of the leg [m].
+        answers: of the profile, which go before what is found.
+
+    Returns:
+        The sole, whatever its size (see `check_sole`), and in words what it came from.
+    """
     given, name = answers.sole, robot.model.body(leg.foot).name or f"body {leg.foot}"
     plane, geoms, why = _ground_plane(robot, leg, ankle, answers)
     frame = _sole_frame(plane, robot.turn(leg.foot).T[:, 0])

@@ -31,7 +31,7 @@ _CONSTANTS: tuple[tuple[ModuleType, str, str], ...] = (
     (attitude, "VERTICAL", "_RATE _REACH _BIAS_RATE _SMOOTH_S _SHAKEN _TURNING"),
     (attitude, "VERTICAL", "_FIRST_S _FIRST_Z_S _MOST_RATE _MOST_S _KEPT_S"),
     (attitude, "VERTICAL", "_LEAN_RATE _LEAN_REACH"),
-    (state_estimation, "LOOK", "_NEAR"),
+    (state_estimation, "LOOK", "NEAR"),
     (state_estimation, "WEIGH", "_FIRST_S"),
     (state_estimation, "", "_LOOK_EVERY _WEIGH_EVERY"),
     (walk_controller, "WALK", "_SLACK_S _AT_REST _LONGEST_SETTLE_S"),

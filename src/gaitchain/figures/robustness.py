@@ -14,7 +14,7 @@ from gaitchain.figures.style import FEET, MEASURED, PLANNED, drawing
 from gaitchain.gait.qualification import CellReport
 from gaitchain.messages import Array
 from gaitchain.sim.bodies import ANY_BODY
-from gaitchain.sim.world import Push
+from gaitchain.sim.push import Push
 
 _COLOURS = "cividis"  # readable with any colour vision, dark for falls
 _ROW_IN, _COLUMN_IN = 0.21, 0.78

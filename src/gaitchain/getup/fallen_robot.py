@@ -19,6 +19,7 @@ from gaitchain.getup.squats import Pitches, Squats
 from gaitchain.getup.symmetry import Pair, mirrored_pairs
 from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.robot.leg_model import LegModel
+from gaitchain.sim.bodies import subtree
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
@@ -153,10 +154,7 @@ class FallenRobot:
         """Return how far from a joint the end is of what it carries [m]."""
         model, data = self.backend.model, self.backend.data
         joint = self.backend.in_model.joints[row]
-        carried = {int(model.jnt_bodyid[joint])}
-        for body in range(model.nbody):  # parents come first
-            if model.body_parentid[body] in carried:
-                carried.add(body)
+        carried = subtree(model, int(model.jnt_bodyid[joint]))
         ends = [
             data.geom_xpos[geom] + _corners(model, geom) @ turn.reshape(3, 3).T
             for geom, turn in enumerate(data.geom_xmat)

@@ -4,11 +4,10 @@ Most robots roll by a pose or two that are not the same on both sides, drawn at 
 So whoever gets up from one side gets up from both.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 
 from gaitchain.build.jobs import run_jobs
+from gaitchain.build.progress import Progress
 from gaitchain.gait.get_up import Side, TimedPose, Way
 from gaitchain.getup.fallen_robot import FallenRobot, Start, Subject, fallen_robot
 from gaitchain.getup.ways import TURN, judge, timed_pose
@@ -22,9 +21,6 @@ _POSE_S, _STRAIGHTENS_S = 0.6, 1.2
 _FEW = 3  # starts from which a roll has to end on the other side, to be tried
 _ON_THE_OTHER, _STILL = 0.8, 0.1  # cosine between trunk and floor; [legs/s]
 _BANK = 104729  # begins the seeds of its starts, which no other search has
-
-Tell = Callable[[str, int, int], None]
-"""Takes what is done, the generations so far, and their largest number."""
 
 
 class RollSearch:
@@ -43,24 +39,24 @@ class RollSearch:
         self._robot, self._workers = fallen_robot(subject), workers
         self._rng = np.random.default_rng((_BANK, seed))
 
-    def run(self, rest: Way, tell: Tell) -> Way:
+    def run(self, rest: Way, progress: Progress) -> Way:
         """Return the way that stands from most starts; it may be from none.
 
         Args:
             rest: the way up from the other side.
-            tell: called after each round.
+            progress: called after each round.
         """
         best, stage = Way(rest.poses, 0, OTHERS), f"over from the {self._side}"
         for number in range(_ROUNDS):
-            tell(stage, number, _ROUNDS)
+            progress(stage, number, _ROUNDS)
             for roll in self._rolls():
                 stood = self._stood((*roll, *rest.poses))
                 if stood > best.stood:
                     best = Way((*roll, *rest.poses), stood, OTHERS)
                 if stood >= ENOUGH:
-                    tell(stage, _ROUNDS, _ROUNDS)
+                    progress(stage, _ROUNDS, _ROUNDS)
                     return best
-        tell(stage, _ROUNDS, _ROUNDS)
+        progress(stage, _ROUNDS, _ROUNDS)
         return best
 
     def _rolls(self) -> list[tuple[TimedPose, ...]]:

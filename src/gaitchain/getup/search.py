@@ -14,11 +14,12 @@ from typing import NamedTuple
 import numpy as np
 
 from gaitchain.build.jobs import run_jobs
+from gaitchain.build.progress import Progress
 from gaitchain.errors import CommandError
 from gaitchain.gait.get_up import GetUp, Side, Way
 from gaitchain.getup.exploration import Exploration
 from gaitchain.getup.fallen_robot import Start, Subject, fallen_robot
-from gaitchain.getup.rolling import ENOUGH, OTHERS, RollSearch, Tell
+from gaitchain.getup.rolling import ENOUGH, OTHERS, RollSearch
 from gaitchain.getup.ways import TAIL, Tried, judge, way_of
 from gaitchain.messages import Array
 
@@ -41,7 +42,7 @@ class Effort(NamedTuple):
 
 
 def search_ways(
-    subject: Subject, sides: tuple[Side, ...], effort: Effort, tell: Tell
+    subject: Subject, sides: tuple[Side, ...], effort: Effort, progress: Progress
 ) -> dict[Side, Way]:
     """Return for each side the way that stood from most starts; none may have.
 
@@ -49,29 +50,29 @@ def search_ways(
         subject: the robot.
         sides: what it lies on.
         effort: how long to search.
-        tell: called after each generation.
+        progress: called after each generation.
 
     Raises:
         CommandError: no joints of the robot could lift it.
     """
-    searches = {side: WaySearch(subject, side, effort, tell) for side in sides}
+    searches = {side: WaySearch(subject, side, effort, progress) for side in sides}
     rolls = {s: RollSearch(subject, s, effort.seed, effort.workers) for s in sides}
     ways = {side: search.way for side, search in searches.items()}
     while left := [s for s in sides if ways[s].stood < ENOUGH and searches[s].left]:
         for side in left:
             ways[side] = _better(searches[side].go_on(), ways[side])
-        _roll_over(rolls, ways, tell)
+        _roll_over(rolls, ways, progress)
     return ways
 
 
 def _roll_over(
-    rolls: dict[Side, RollSearch], ways: dict[Side, Way], tell: Tell
+    rolls: dict[Side, RollSearch], ways: dict[Side, Way], progress: Progress
 ) -> None:
     """Take ways over the other side where those that are known stand too seldom."""
     for side, known in ways.items():
         for other in ways.values():
             if known.stood < ENOUGH <= other.stood:
-                ways[side] = _better(rolls[side].run(other, tell), known)
+                ways[side] = _better(rolls[side].run(other, progress), known)
 
 
 def _better(one: Way, other: Way) -> Way:
@@ -82,7 +83,7 @@ class WaySearch:
     """The search of a way to get up from one side."""
 
     def __init__(
-        self, subject: Subject, side: Side, effort: Effort, tell: Tell
+        self, subject: Subject, side: Side, effort: Effort, progress: Progress
     ) -> None:
         """Make ready.
 
@@ -90,7 +91,7 @@ class WaySearch:
             subject: the robot.
             side: what it lies on.
             effort: how long to search.
-            tell: called after each generation.
+            progress: called after each generation.
 
         Raises:
             CommandError: no joints of the robot could lift it.
@@ -100,7 +101,7 @@ class WaySearch:
             name = subject.library.robot.name
             raise CommandError(f"{name}: no joint has a mirror image on the other side")
         self._subject, self._side, self._effort = subject, side, effort
-        self._tell, self.left = tell, effort.generations
+        self._progress, self.left = progress, effort.generations
         """Generations that it may still search."""
         self._rng = np.random.default_rng(effort.seed)
         # At first the way that goes nowhere from where it lies.
@@ -129,7 +130,7 @@ class WaySearch:
     def _count_down(self, done: int = 1) -> None:
         self.left -= done
         most = self._effort.generations
-        self._tell(f"up from the {self._side}", most - self.left, most)
+        self._progress(f"up from the {self._side}", most - self.left, most)
 
     def _try_to_begin(self) -> None:
         """Explore, until some ways stand or nothing does for long."""

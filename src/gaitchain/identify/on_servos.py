@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from gaitchain.backends.base import Backend
+from gaitchain.build.progress import Progress
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog
 from gaitchain.live.clock import Clock
 from gaitchain.live.exercise import Motion, Support, exercise
@@ -22,14 +23,13 @@ Ready = Callable[[Motion], None]
 """Waits until a person has brought the robot into place for a motion."""
 Sent = Callable[[Array], None]
 """Is told each target (2 n,) [rad] after it was sent."""
-Tell = Callable[[str, int, int], None]
 
 
 def exercise_servos(
     robot: Robot,
     backend: Backend,
     ready: Ready,
-    tell: Tell,
+    progress: Progress,
     clock: Clock | None = None,
     sent: Sent | None = None,
 ) -> ExerciseLog:
@@ -42,7 +42,7 @@ def exercise_servos(
         robot: as in its file.
         backend: the robot's servos; connected here.
         ready: called before each motion, with the torque off.
-        tell: called with what is done, how far it is, and of how much.
+        progress: called with what is done, how far it is, and of how much.
         clock: the computer's by default.
         sent: told each target, if given.
 
@@ -65,7 +65,7 @@ def exercise_servos(
                 upright=motion.support == "standing",
                 sent=sent,
             )
-            parts.append(_run(mover, motion, tell, imu=backend.has_imu))
+            parts.append(_run(mover, motion, progress, imu=backend.has_imu))
     finally:
         backend.release()
         backend.close()
@@ -75,13 +75,15 @@ def exercise_servos(
     )
 
 
-def _run(mover: JointMover, motion: Motion, tell: Tell, *, imu: bool) -> MotionLog:
+def _run(
+    mover: JointMover, motion: Motion, progress: Progress, *, imu: bool
+) -> MotionLog:
     """Go to a motion's begin slowly, and carry it out."""
     mover.begin()
     mover.go(motion.targets[0])
     sent = np.empty_like(motion.targets)
     for i, wanted in enumerate(motion.targets):
-        tell(_STAGES[motion.support], i + 1, len(motion.targets))
+        progress(_STAGES[motion.support], i + 1, len(motion.targets))
         sent[i] = mover.send(wanted)
     moved = Motion(motion.support, sent)
     return MotionLog(moved, _measured(mover.seen, len(sent), imu=imu))

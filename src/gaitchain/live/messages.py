@@ -20,7 +20,8 @@ from gaitchain.backends.base import (
     Truth,
 )
 from gaitchain.messages import Command
-from gaitchain.sim.world import Arms, Push
+from gaitchain.sim.push import Push
+from gaitchain.sim.world import Arms
 from gaitchain.walker.footsteps import Footstep
 from gaitchain.walker.odometry import Odometry
 from gaitchain.walker.waypoints import Place

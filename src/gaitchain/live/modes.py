@@ -42,10 +42,11 @@ _DriverAsks = (
     | ask.Errand
 )
 _STOPPED = "a stop is in force; send a zero command first"
-_BALANCED = (Mode.STANDING, Mode.WALKING)
+BALANCED = (Mode.STANDING, Mode.WALKING)
+"""Modes in which the walker balances the robot."""
 _FROM = {
-    ask.GoTo: _BALANCED,
-    ask.FollowSteps: _BALANCED,
+    ask.GoTo: BALANCED,
+    ask.FollowSteps: BALANCED,
     ask.Start: (Mode.OFF,),
     ask.Rest: (Mode.STANDING, Mode.RISING, Mode.SAFE),
     ask.Reset: (Mode.SAFE, Mode.STOPPED),

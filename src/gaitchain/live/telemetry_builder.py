@@ -1,13 +1,12 @@
 """The telemetry of the loop, built from what walker, backend and loop know."""
 
-import numpy as np
-
 from gaitchain.analysis.recorder import estimated_tilt, planned_support, planned_zmp
+from gaitchain.backends.base import numbers
 from gaitchain.live.event_log import EventLog
-from gaitchain.live.messages import Choice, Mode, Pace, Telemetry
-from gaitchain.live.modes import ModeMachine
+from gaitchain.live.messages import Choice, Pace, Telemetry
+from gaitchain.live.modes import BALANCED, ModeMachine
 from gaitchain.live.safe_backend import SafeBackend
-from gaitchain.messages import Array, PanelMessage, Sensors
+from gaitchain.messages import PanelMessage, Sensors
 from gaitchain.walker.generator import Decision
 from gaitchain.walker.mounting import Mounting
 from gaitchain.walker.odometry import Odometry
@@ -16,7 +15,6 @@ from gaitchain.walker.walker import Walker
 TRUTH_S = 0.01
 """Between two rows with the simulator's truth [s]."""
 _RUNNERS_UP = 8
-_BALANCED = (Mode.STANDING, Mode.WALKING)  # by the walker
 
 
 class TelemetryBuilder:
@@ -76,13 +74,13 @@ class TelemetryBuilder:
             crouch=modes.command.crouch,
             note=walker.note,
             status=status,
-            joint_position=_numbers(sensors.joint_position),
-            joint_velocity=_numbers(sensors.joint_velocity),
-            joint_target=_numbers(target),
-            joint_load=_numbers(self._backend.loads()),
+            joint_position=numbers(sensors.joint_position),
+            joint_velocity=numbers(sensors.joint_velocity),
+            joint_target=numbers(target),
+            joint_load=numbers(self._backend.loads()),
             load_unit=self._backend.load_unit,
-            angular_velocity=_numbers(sensors.angular_velocity),
-            acceleration=_numbers(sensors.acceleration),
+            angular_velocity=numbers(sensors.angular_velocity),
+            acceleration=numbers(sensors.acceleration),
             estimated_tilt=estimated_tilt(walker.gait),
             planned_zmp=planned_zmp(walker.gait),
             support=planned_support(walker.gait),
@@ -107,7 +105,7 @@ class TelemetryBuilder:
     def _odometry(self) -> Odometry | None:
         """Return where the trunk is; a robot that is not balanced does not move on."""
         found = self._walker.odometry
-        if found is None or self._modes.mode in _BALANCED:
+        if found is None or self._modes.mode in BALANCED:
             return found
         return found._replace(velocity=(0.0, 0.0, 0.0))
 
@@ -143,7 +141,3 @@ def choice_of(decision: Decision, panel: PanelMessage) -> Choice:
         ends=decision.ends,
         expected=decision.expected,
     )
-
-
-def _numbers(values: Array) -> tuple[float, ...]:
-    return tuple(np.ravel(values).tolist())

@@ -68,11 +68,11 @@ def prove(library: GaitLibrary, criterion: Criterion, crew: Crew) -> GaitLibrary
     test = RateTest(criterion.bound, longest, criterion.confidence)
     walks = ProofWalks(plain, criterion, cells, crew.workers)
     verdict, stage = test.verdict, "walking for the proof"
-    crew.tell(stage, 0, 100)
+    crew.progress(stage, 0, 100)
     for walk in walks.drawn():
         tally.add(walk)
         verdict = test.add(walk.length, fell=walk.fell)
-        crew.tell(stage, round(100.0 * test.sureness), 100)
+        crew.progress(stage, round(100.0 * test.sureness), 100)
         if verdict == "below":
             verdict = _cover(tally, test, walks, crew)
         if verdict != "open" or tally.steps >= criterion.limit:

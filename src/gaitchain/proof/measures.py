@@ -32,7 +32,8 @@ from gaitchain.proof.proof_walks import (
 )
 from gaitchain.proof.push_limit import Impulse, PushLimit, push_limits
 from gaitchain.proof.stops import Stop, StopReport, judge_stops, measure_stop
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.push import Push
+from gaitchain.sim.world import World
 
 IN_PROOF, PUSHED = "walks of the proof", "walks that were pushed twice too hard"
 SIDES = 4

@@ -32,8 +32,9 @@ from gaitchain.proof.splitting import (
     overlap,
     split,
 )
+from gaitchain.sim.push import Push
 from gaitchain.sim.truth import FALL_HEIGHT, FALL_TILT
-from gaitchain.sim.world import Cone, Push, World
+from gaitchain.sim.world import Cone, World
 from gaitchain.walker.walker import Walker
 
 SLICE_S = 1.0
@@ -113,18 +114,18 @@ def split_falls(
     entropy, runs, steps = seed_of(disturbed.library), list[SplitRun](), list[int]()
     course, slices = _Course(disturbed, entropy, crew.workers), disturbed.slices
     stage = "splitting"
-    crew.tell(stage, 0, size.repetitions)
+    crew.progress(stage, 0, size.repetitions)
     for number in range(size.repetitions):
         rng, first = np.random.default_rng((entropy, _BANK, number)), len(course.steps)
         runs.append(split(course.walk_all, slices, size.paths, rng))
         steps += course.steps[first]
-        crew.tell(stage, number + 1, size.repetitions)
+        crew.progress(stage, number + 1, size.repetitions)
     stage = "walking without splitting"
-    crew.tell(stage, 0, 1)
+    crew.progress(stage, 0, 1)
     alone = np.random.default_rng((entropy, _ALONE))
     met = count_events(course.walk_all, slices, size.alone, alone)
     steps += course.steps[-1]
-    crew.tell(stage, 1, 1)
+    crew.progress(stage, 1, 1)
     return _report(disturbed, confidence, runs, (size.alone, met), steps)
 
 
@@ -205,7 +206,7 @@ def walk_slices(
         impulse_ns, side = float(rng.uniform(0.0, hardest_ns)), rng.uniform(-180, 180)
         pushes.append(Push(impulse_ns, float(side), at_s))
     backend = MujocoBackend(library.robot, replace(world, push=tuple(pushes)))
-    loop = _LevelLoop(Walker(library), backend, scale_ns)
+    loop = _LevelLoop(Walker(library), backend)
     return loop.walk(commands)
 
 
@@ -221,7 +222,7 @@ def _draw_world(
 class _LevelLoop(WatchedLoop):
     """A loop that notes how near the robot is to a fall."""
 
-    def __init__(self, walker: Walker, backend: MujocoBackend, scale_ns: float) -> None:
+    def __init__(self, walker: Walker, backend: MujocoBackend) -> None:
         self._data, self._model = backend.data, backend.model
         self._leg = walker.library.robot.reduced.leg_length
         self._feet, self._truth = backend.feet, backend

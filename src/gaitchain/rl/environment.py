@@ -11,6 +11,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitchain.analysis.simulated_walk import SETTLE_TICKS
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.trial import draw_world
 from gaitchain.errors import CommandError
@@ -24,7 +25,6 @@ from gaitchain.rl.reward import Reward
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
-_SETTLE_TICKS = 100  # of standing, before the walk is prepared
 _SEEDS = 2**31
 
 
@@ -155,7 +155,7 @@ class WalkEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         backend.connect(self.stand)
         backend.stop_clock()
         self._control.reset()
-        for _ in range(_SETTLE_TICKS):
+        for _ in range(SETTLE_TICKS):
             backend.write(self._held)
         for _ in range(self._rest_ticks):
             backend.write(self._control.rest(backend.read()))

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gaitchain.analysis.simulated_walk import SETTLE_TICKS
 from gaitchain.build.jobs import run_jobs
 from gaitchain.build.workers import available_cores
 from gaitchain.gait.command_range import CommandRange
@@ -19,7 +20,6 @@ from gaitchain.rl.frames import Frames, Motion, Stage, stage_of
 from gaitchain.rl.phase import StepPhase
 from gaitchain.walker.walker import Walker
 
-_SETTLE_TICKS = 100  # of standing
 _RUN_IN_S = 3.0  # until a walk is steady
 _SLACK = 1e-6  # frames: times are sums, rounded
 
@@ -140,7 +140,7 @@ class _Walk:
         self._phase = StepPhase(self.walker.gait)
         self._ready: tuple[Array, float] | None = None
         self.backend.connect(self.walker.stand)
-        for _ in range(_SETTLE_TICKS):
+        for _ in range(SETTLE_TICKS):
             self.backend.write(self.walker.standing_targets.position)
         self._go(round(self.walker.gait.rest_s / CONTROL_PERIOD_S))
         self.walker.command(command)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gaitchain.errors import RobotFileError
+from gaitchain.errors import RobotFileError, names_apart
 from gaitchain.messages import Array
 
 _AXES = 3
@@ -165,8 +165,7 @@ def identified_from(facts: Any, joints: int) -> Identified:
         raise RobotFileError(f"what was identified is {facts!r:.80}, must be a table")
     facts = _NEW | _of_now(facts, joints)
     if set(facts) != wanted:
-        odd = ", ".join(sorted(set(facts) ^ wanted))
-        raise RobotFileError(f"identified numbers missing or unknown: {odd}")
+        raise RobotFileError(f"identified numbers {names_apart(facts, wanted)}")
     found: dict[str, Any] = {}
     for name, value in facts.items():
         numbers = _numbers(name, value)
@@ -175,7 +174,10 @@ def identified_from(facts: Any, joints: int) -> Identified:
         if name == "unknown" and numbers.shape == 2 * (_placed(joints),):
             numbers = np.pad(numbers, (0, count - len(numbers)))
         if numbers.shape != sizes.get(name, ()) or not np.isfinite(numbers).all():
-            raise RobotFileError(f"identified {name} is {value!r:.80}")
+            size = " x ".join(map(str, sizes.get(name, (1,))))
+            raise RobotFileError(
+                f"identified {name} is {value!r:.80}, must be finite, of size {size}"
+            )
         if name in _FACTORS and not (numbers > 0.0).all():
             raise RobotFileError(f"identified {name} is {value!r:.80}, must be above 0")
         if name in _AMOUNTS and (numbers < 0.0).any():
@@ -191,7 +193,9 @@ def _numbers(name: str, value: Any) -> Array:
     try:
         return np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise RobotFileError(f"identified {name} is {value!r:.80}") from None
+        raise RobotFileError(
+            f"identified {name} is {value!r:.80}, must be of numbers"
+        ) from None
 
 
 def unsure_numbers(joints: int) -> int:
@@ -218,7 +222,9 @@ def _of_now(facts: dict[str, Any], joints: int) -> dict[str, Any]:
         return facts
     each = [facts[f"{name}_sd"] for name in _PLACED]
     if not all(isinstance(sd, float | int) and sd >= 0.0 for sd in each):
-        raise RobotFileError(f"identified deviations are {each!r:.80}")
+        raise RobotFileError(
+            f"identified deviations are {each!r:.80}, must be numbers, 0 or more"
+        )
     rows = np.diag(np.repeat(each, [joints, joints, _AXES, _AXES])).tolist()
     left = {name: facts[name] for name in facts if name not in _OF_BEFORE}
     return {**left, "unknown": rows}

@@ -3,7 +3,6 @@
 import numpy as np
 
 from gaitchain.messages import Array
-from gaitchain.robot.box_robot import JOINT_NAMES
 from gaitchain.robot.kinematics import (
     SUPPORT_CRUS,
     SUPPORT_FEMUR,
@@ -13,8 +12,6 @@ from gaitchain.robot.kinematics import (
     SWING_SWAY,
     TRUNK,
 )
-
-FRONTAL_JOINTS = tuple(n for n in JOINT_NAMES if n.endswith(("_roll", "_yaw")))
 
 
 def joint_angles(q: Array, left_support: bool) -> Array:

@@ -14,13 +14,15 @@ from typing import Annotated, Any, get_type_hints
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from gaitchain.errors import RobotFileError
 
 DECIMALS = 9
 """Of a number read from a robot's file, as a fingerprint has it: later ones differ from
 processor to processor."""
-_MOSTLY = 0.7  # least y component of a unit axis that counts as sagittal
+MOSTLY = 0.7
+"""Least component of a unit axis that counts as about that direction."""
 _LEVEL = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 Soles = tuple[tuple[tuple[float, float], ...], ...]
 """Convex polygons in the frames of two soles, x forward, y left [m]."""
@@ -105,15 +107,29 @@ class LegModel:
             array.setflags(write=False)
             object.__setattr__(self, name, array)
 
-        if not (np.isfinite(self.lower) & np.isfinite(self.upper)).all():
-            raise RobotFileError("a leg joint has no finite range")
-        if not (self.lower < self.upper).all():
-            raise RobotFileError("a leg joint's range is empty")
-        if not (self.joint_damping <= self.damping).all():
-            raise RobotFileError("a leg joint's own damping is more than all of it")
+        finite = np.isfinite(self.lower) & np.isfinite(self.upper)
+        ranges = "range is {lower:g} to {upper:g} rad, must "
+        self._check_joints(finite, ranges + "be finite")
+        self._check_joints(self.lower < self.upper, ranges + "rise")
+        self._check_joints(
+            self.joint_damping <= self.damping,
+            "own damping is {joint_damping:g} N m s/rad, must be {damping:g} at most, "
+            "which is all of it",
+        )
         if len(self.soles) not in (0, 2) or any(len(sole) < 3 for sole in self.soles):
             corners = [len(sole) for sole in self.soles]
             raise RobotFileError(f"corners of soles: {corners}; two soles need 3 each")
+
+    def _check_joints(self, held: NDArray[np.bool_], why: str) -> None:
+        """Name the first joint of which something does not hold."""
+        if held.all():
+            return
+        at = int(np.argmin(held))
+        names = "lower", "upper", "damping", "joint_damping"
+        numbers = {name: float(getattr(self, name)[at]) for name in names}
+        raise RobotFileError(
+            f"leg joint {self.joint_names[at]}: {why.format(**numbers)}"
+        )
 
     def __eq__(self, other: object) -> bool:
         """Whether every number and name is the same; see `compare` for tolerances."""
@@ -135,7 +151,7 @@ class LegModel:
     @property
     def sagittal(self) -> tuple[str, ...]:
         """Names of the joints that turn about the y axis."""
-        about_y = np.abs(self.axis[..., 1]).ravel() > _MOSTLY
+        about_y = np.abs(self.axis[..., 1]).ravel() > MOSTLY
         return tuple(n for n, y in zip(self.joint_names, about_y, strict=True) if y)
 
     def arrays(self) -> dict[str, Any]:
@@ -196,7 +212,10 @@ def legs_from(facts: Mapping[str, Any], arrays: Mapping[str, Any]) -> LegModel:
         raise RobotFileError(f"facts of the legs: {error}") from None
     joints, mass = len(found.joint_names) // 2, found.trunk_mass
     if not 0 <= found.knee < joints:
-        raise RobotFileError(f"knee {found.knee} of {joints} joints in a leg")
+        raise RobotFileError(
+            f"knee is {found.knee}, must be the index of one of the {joints} joints of "
+            "a leg, from 0"
+        )
     if not (math.isfinite(mass) and mass > 0.0):
         raise RobotFileError(f"trunk_mass is {mass:g} kg, must be finite and above 0")
     return LegModel(**msgspec.structs.asdict(found), **arrays)

@@ -11,9 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gaitchain.errors import UnreachableError
-from gaitchain.robot.leg_model import LegModel
+from gaitchain.robot.leg_model import MOSTLY, LegModel
 
-_MOSTLY = 0.7  # least y component of a unit axis that counts as sagittal
 _Plane = complex
 """A vector ahead + 1j up; turned by an angle about y, heel up, by exp(-1j angle)."""
 
@@ -111,7 +110,7 @@ class SagittalLeg:
 def sagittal_leg(legs: LegModel) -> SagittalLeg | None:
     """Return the left leg of a model in its plane; None where it does not have one."""
     y, knee = legs.axis[0, :, 1], legs.knee
-    about_y = np.flatnonzero(np.abs(y) > _MOSTLY).tolist()
+    about_y = np.flatnonzero(np.abs(y) > MOSTLY).tolist()
     if knee not in about_y or not about_y[0] < knee < about_y[-1]:
         return None
     at_knee = about_y.index(knee)

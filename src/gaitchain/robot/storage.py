@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitchain.errors import names_apart
 from gaitchain.robot.box_robot import box_robot
 from gaitchain.robot.identified import identified_from
 from gaitchain.robot.leg_model import legs_from
@@ -58,18 +59,25 @@ def _servo_gain(given: object) -> float:
     """
     if isinstance(given, float) and 0.0 < given < np.inf:
         return given
-    raise ValueError(f"servo gain of the robot: {given!r:.80}")
+    raise ValueError(
+        f"servo gain of the robot is {given!r:.80}, must be a float above 0, finite"
+    )
 
 
 def _of_file(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Robot:
     wanted = {f.name for f in fields(ReducedBiped) if f.metadata}
     given = dict(facts["numbers"])
     numbers: dict[str, Any] = {name: float(number) for name, number in given.items()}
-    if set(numbers) != wanted or not np.isfinite(list(numbers.values())).all():
-        raise ValueError(f"numbers of the robot: {sorted(set(numbers) ^ wanted)}")
+    if set(numbers) != wanted:
+        raise ValueError(f"numbers of the robot {names_apart(numbers, wanted)}")
+    for name, number in numbers.items():
+        if not np.isfinite(number):
+            raise ValueError(f"{name} of the robot is {number}, must be finite")
     for name in ("mass", "femur_length", "crus_length"):
         if name in numbers and not numbers[name] > 0.0:
-            raise ValueError(f"{name} of the robot is {given[name]!r:.80}, at most 0")
+            raise ValueError(
+                f"{name} of the robot is {given[name]!r:.80}, must be above 0"
+            )
     reduced = ReducedBiped(name=str(facts["name"]), sources={}, **numbers)
     if facts.get("anatomy") is None:
         return box_robot(reduced)

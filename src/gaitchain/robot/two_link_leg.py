@@ -36,7 +36,20 @@ def leg_span(biped: ReducedBiped, crus: Array, femur: Array) -> tuple[Array, Arr
 
 
 def leg_rates(biped: ReducedBiped, leans: Array, dx: Array, dz: Array) -> Array:
-    """Return the rates of both leans [rad/s] that move the hip at (dx, dz) [m/s]."""
+    """Return the rates of both leans that move the hip at a velocity.
+
+    Args:
+        biped: the robot.
+        leans: (..., 2) leans of crus and femur from the vertical [rad].
+        dx: (...) velocity of the hip from the ankle, ahead [m/s].
+        dz: (...) the same, up [m/s].
+
+    Returns:
+        (..., 2) rates of both [rad/s].
+
+    Raises:
+        UnreachableError: the leg is straight and the hip is to move.
+    """
     crus, femur = biped.crus_length, biped.femur_length
     columns = [crus * np.cos(leans[..., 0]), femur * np.cos(leans[..., 1])]
     rows = [-crus * np.sin(leans[..., 0]), -femur * np.sin(leans[..., 1])]

@@ -10,7 +10,7 @@ from gaitchain.service.schemas import (
 )
 from gaitchain.service.settings import Settings
 from gaitchain.sim.bodies import body_names
-from gaitchain.sim.world import Push
+from gaitchain.sim.push import Push
 
 PUSH_MOST = 2.0
 """Speed by which a push or a punch may change a robot's [m/s]."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gaitchain.backends.ros import PilotTopics, RosPilot, open_link
+from gaitchain.backends.ros import PilotTopics, RosLink, RosPilot, open_link
 from gaitchain.errors import CommandError
 from gaitchain.gait.library_file import load_library
 from gaitchain.live.messages import Drive, LetGo, Note, Request, Telemetry
@@ -35,44 +35,54 @@ def run(folder: Path, ended: threading.Event) -> None:
         raise CommandError("no link to ROS was named; give --ros")
     robot = load_library(settings.library).robot
     asker, listener = Asker(folder), Listener(folder)
-
-    lock = threading.Lock()  # commands come on a thread of the link
-    walks = False
-
-    def ask(request: Request) -> bool:
-        with lock:
-            return asker.ask(request)
-
-    def drive(command: Command) -> None:
-        """Hold the wheel while something is asked for, not by zeros for ever."""
-        nonlocal walks
-        asks = not command.stops or command.crouch > 0.0
-        if asks:
-            path.forget()
-        elif path.is_walked:  # which zeros do not end
-            walks = False
-        if walks or asks:
-            ask(Drive(DRIVER, *command.motion, command.crouch))
-        if walks and not asks:
-            ask(LetGo(DRIVER))
-        walks = asks
-
     behind = settings.backend.startswith("ros")
     topics = PilotTopics(state=None, target=None) if behind else PilotTopics()
     link = open_link(settings.ros)
-    path = RosPath(link, ask, DRIVER)
+    driver = _Driver(asker, link)
     pilot = RosPilot(
-        link, drive, stamped=settings.ros_stamped, topics=topics, period_s=_PERIOD_S
+        link,
+        driver.drive,
+        stamped=settings.ros_stamped,
+        topics=topics,
+        period_s=_PERIOD_S,
     )
     with closing(asker), closing(listener), closing(pilot):
         state = StateTopics(link, robot, behind=behind)
-        services = RosServices(link, ask, DRIVER)
+        services = RosServices(link, driver.ask, DRIVER)
         names = robot.legs.joint_names
-        for telemetry in _telemetry(pilot, listener, ask, ended):
+        for telemetry in _telemetry(pilot, listener, driver.ask, ended):
             services.take(telemetry)
-            path.take(telemetry)
+            driver.path.take(telemetry)
             _publish(pilot, telemetry, names)
             state.publish(telemetry)
+
+
+class _Driver:
+    """What ROS asks the loop for: commands, paths, and all else."""
+
+    def __init__(self, asker: Asker, link: RosLink) -> None:
+        self._asker = asker
+        self._lock = threading.Lock()  # commands come on a thread of the link
+        self._walks = False
+        self.path = RosPath(link, self.ask, DRIVER)
+
+    def ask(self, request: Request) -> bool:
+        """Ask the loop for something; return whether it was sent."""
+        with self._lock:
+            return self._asker.ask(request)
+
+    def drive(self, command: Command) -> None:
+        """Hold the wheel while something is asked for, not by zeros for ever."""
+        asks = not command.stops or command.crouch > 0.0
+        if asks:
+            self.path.forget()
+        elif self.path.is_walked:  # which zeros do not end
+            self._walks = False
+        if self._walks or asks:
+            self.ask(Drive(DRIVER, *command.motion, command.crouch))
+        if self._walks and not asks:
+            self.ask(LetGo(DRIVER))
+        self._walks = asks
 
 
 def _telemetry(

@@ -18,7 +18,8 @@ from gaitchain.live.messages import (
 )
 from gaitchain.live.scene import Scene
 from gaitchain.service.settings import RobotKind
-from gaitchain.sim.world import DISTURBANCES, Arms, Punches, Push, World
+from gaitchain.sim.push import Punches, Push
+from gaitchain.sim.world import DISTURBANCES, Arms, World
 
 _PART = "Part of the most in that direction, of %s."
 DRIVER_PATTERN = "^[A-Za-z0-9._-]{1,64}$"

@@ -1,13 +1,14 @@
-"""The bodies of a simulated robot, by name; without the simulator."""
+"""The bodies of a simulated robot, by name and by number; without the simulator."""
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
 from gaitchain.errors import CommandError
 from gaitchain.robot.leg_model import LegModel
 from gaitchain.robot.robot import Robot
-from gaitchain.sim.world import Push
+from gaitchain.sim.push import Push
 
 SIDES = ("left", "right")
 ANY_BODY = "any"
@@ -50,3 +51,20 @@ def check_body(name: str, bodies: Iterable[str]) -> None:
     """
     if name not in bodies:
         raise CommandError(f"body {name!r}: the robot has {', '.join(bodies)}")
+
+
+def subtree(model: Any, body: int) -> list[int]:
+    """Return a body of a model and all that hang on it.
+
+    Args:
+        model: the compiled `mujoco.MjModel`.
+        body: its number.
+
+    Returns:
+        Numbers of bodies in rising order.
+    """
+    found = [body]
+    for other in range(body + 1, model.nbody):  # parents come first
+        if model.body_parentid[other] in found:
+            found.append(other)
+    return found

@@ -9,10 +9,11 @@ from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.arm_motion import ArmMotion
 from gaitchain.sim.bodies import ANY_BODY, check_body
+from gaitchain.sim.push import Push
 from gaitchain.sim.push_force import Pushes, draw_body, draw_punches
 from gaitchain.sim.truth import SimulatorTruth
 from gaitchain.sim.waist import trunk_parts
-from gaitchain.sim.world import Push, World
+from gaitchain.sim.world import World
 from gaitchain.sim.world_draws import PUNCHES_STREAM, PUSHES_STREAM, stream_of
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from gaitchain.messages import Array
-from gaitchain.sim.world import Punches, Push
+from gaitchain.sim.push import Punches, Push
 
 
 class Pushes:

@@ -12,6 +12,7 @@ import numpy as np
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.bodies import FOOT, SIDES, has_own_body, link_part
+from gaitchain.sim.rotation import quaternion
 from gaitchain.sim.scene import add_servo, half_sides
 from gaitchain.sim.world import World
 
@@ -73,14 +74,8 @@ def _set_inertia(
         axes[:, 2] *= np.sign(np.linalg.det(axes))
     body.mass = max(float(mass), _LEAST_MASS) * world.mass
     body.inertia = np.maximum(moments, _LEAST_INERTIA) * world.mass
-    body.ipos, body.iquat = com, _quaternion(axes)
+    body.ipos, body.iquat = com, quaternion(axes)
     body.explicitinertial = True
-
-
-def _quaternion(rotation: Array) -> Array:
-    result = np.empty(4)
-    mujoco.mju_mat2Quat(result, np.ascontiguousarray(rotation).ravel())
-    return result
 
 
 def _add_capsule(body: Any, robot: Robot, leg: int, j: int) -> None:
@@ -103,7 +98,7 @@ def _add_capsule(body: Any, robot: Robot, leg: int, j: int) -> None:
 def _add_sole(body: Any, robot: Robot, leg: int) -> None:
     """Add the foot body at the ankle point, with the sole below it."""
     full, side = robot.legs, SIDES[leg]
-    turn = _quaternion(full.foot_turn[leg])
+    turn = quaternion(full.foot_turn[leg])
     foot = body.add_body(name=f"{side}_{FOOT}", pos=full.foot_at[leg], quat=turn)
     below, half = -robot.reduced.ankle_height, 0.5 * _SOLE * robot.reduced.ankle_height
     box = _add_geom(

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from gaitchain.messages import GRAVITY, Array
+from gaitchain.sim.rotation import quaternion
 from gaitchain.sim.world import World
 
 _UPPER = 0.8  # of the trunk's mass: what is above the waist
@@ -86,6 +87,4 @@ def _set(body: Any, mass: float, com: Array, inertia: Array) -> None:
     moments, axes = np.linalg.eigh(inertia)
     axes[:, 2] *= np.sign(np.linalg.det(axes))
     body.mass, body.ipos, body.inertia = mass, com, moments
-    quaternion = np.empty(4)
-    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(axes).ravel())
-    body.iquat, body.explicitinertial = quaternion, True
+    body.iquat, body.explicitinertial = quaternion(axes), True

@@ -10,158 +10,20 @@ the levels of the grid (`build.grid`), and the range from which random worlds ar
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal, NamedTuple, get_args
+from typing import Annotated, Literal, get_args
 
 from gaitchain.errors import CommandError
 from gaitchain.gait.limits import Limits, check_numbers, declared
+from gaitchain.sim.disturbance import Disturbance, Exposure
+from gaitchain.sim.push import Punches, Push
 
 SAME_PERIOD = 1e-6
 """Periods that differ by less are one: a rate of 83.33333 Hz has seven digits."""
 _PLANNED_S = Limits(0.0, 1e6)  # times of a world's pushes
-Span = tuple[float, float]
-"""Lower and upper bound."""
 Arms = Literal["still", "random"]
 """What somebody else does with the arms."""
 Cone = Literal["pyramidal", "elliptic"]
 """How friction is modelled: by a pyramid of four sides, or by the cone itself."""
-
-
-class Exposure(NamedTuple):
-    """Levels of a disturbance for one kind of walk, in the field's own unit."""
-
-    trained: Span | float | None = None
-    """Level in training: a span to draw from uniformly, or a value; None: nominal."""
-    required: tuple[float, ...] = ()
-    """Mild levels of the grid, at which a library must not fall to pass."""
-    beyond: tuple[float, ...] = ()
-    """Harder levels of the grid, walked to find the limits."""
-
-
-_NONE = Exposure()
-
-
-@dataclass(frozen=True, kw_only=True)
-class Disturbance:
-    """Properties of one field of `World` that disturbs a walk."""
-
-    help: str
-    """One sentence, shown by `--help`."""
-    label: str
-    """Name in tables and plots."""
-    option: str
-    """Name on the command line, without dashes."""
-    limits: Limits | None = None
-    """None if the field is not a number."""
-    choices: tuple[str, ...] = ()
-    """What it may be, if it is a word."""
-    scale: float = 1.0
-    """Factor from the field's unit to the one shown."""
-    unit: str = ""
-    """Unit shown after a level."""
-    fault: bool = False
-    """Whether it is one of servos or sensors."""
-    needs: str = ""
-    """Another disturbance without which this one does nothing."""
-    key_poses: Exposure = _NONE
-    """Levels for the paper's walks, trained open loop."""
-    strides: Exposure = _NONE
-    """Levels for walks of strides, with feedback."""
-
-    def exposure(self, balanced: bool) -> Exposure:
-        """Return the levels for walks with balance feedback, or without."""
-        return self.strides if balanced else self.key_poses
-
-    def show(self, level: float) -> str:
-        """Return the name of a level, such as "slope +1 deg"."""
-        signed = self.limits is not None and self.limits.low < 0.0 < level
-        return f"{self.label} {'+' * signed}{self.scale * level:g}{self.unit}"
-
-    def tell(self, value: object) -> str:
-        """Return what a field is now, such as "payload 20 %" or "no punches"."""
-        if isinstance(value, float):
-            return self.show(value)
-        return f"no {self.option}" if value is None else f"{self.option} {value}"
-
-
-@dataclass(frozen=True)
-class Push:
-    """A constant force on a body's CoM for some time."""
-
-    impulse_ns: Annotated[float, Limits(0.0, 1e4)]
-    """Force times duration [N s]."""
-    direction_deg: Annotated[float, Limits(-360.0, 360.0)]
-    """Relative to the trunk's heading: 0 pushes forward, +90 to the left [deg]."""
-    at_s: Annotated[float, Limits(0.0, math.inf)]
-    """Start of the push after the start of the walk (`start_clock`) [s]; a simulation
-    that is pushed may have run for any time, a `World` plans for 1e6 s at most."""
-    duration_s: Annotated[float, Limits(1e-3, 60.0)] = 0.1
-    """Length of the push [s]."""
-    elevation_deg: Annotated[float, Limits(-90.0, 90.0)] = 0.0
-    """Of the force above the floor's plane [deg]."""
-    body: str = "trunk"
-    """Name of the body."""
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be.
-
-        Raises:
-            CommandError: a number is outside its limits.
-        """
-        check_numbers(self)
-
-    def __str__(self) -> str:
-        up = f", {self.elevation_deg:.0f} deg up" if self.elevation_deg else ""
-        body = f" on {self.body}" if self.body != Push.body else ""
-        to = f"{self.direction_deg:.4g} deg{up}{body}"
-        return f"a push of {self.impulse_ns:.3g} N s to {to}"
-
-    @property
-    def ends_s(self) -> float:
-        """End of the push after the start of the walk [s]."""
-        return self.at_s + self.duration_s
-
-    def axis(self, heading: float) -> tuple[float, float, float]:
-        """Return the direction of the force, a unit vector.
-
-        Args:
-            heading: the trunk's [rad].
-        """
-        yaw = heading + math.radians(self.direction_deg)
-        elevation = math.radians(self.elevation_deg)
-        level = math.cos(elevation)
-        return level * math.cos(yaw), level * math.sin(yaw), math.sin(elevation)
-
-    def impulse_within(self, start_s: float, end_s: float) -> float:
-        """Return the part of the impulse within an interval [N s]."""
-        end = min(end_s, self.ends_s)
-        overlap = max(0.0, end - max(start_s, self.at_s))
-        return self.impulse_ns * overlap / self.duration_s
-
-
-@dataclass(frozen=True)
-class Punches:
-    """Pushes of random strength and direction in space on random bodies.
-
-    `push_force.draw_punches` draws them from the world's seed.
-    """
-
-    most_ns: Annotated[float, Limits(0.0, 1e4)]
-    """Largest impulse [N s]."""
-    every_s: Annotated[float, Limits(0.1, 1e6)] = 5.0
-    """From one to the next, the first one so long after the start of the walk [s]."""
-    duration_s: Annotated[float, Limits(1e-3, 60.0)] = 0.08
-    """Length of each [s]."""
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be.
-
-        Raises:
-            CommandError: a number is outside its limits.
-        """
-        check_numbers(self)
-
-    def __str__(self) -> str:
-        return f"of up to {self.most_ns:.3g} N s every {self.every_s:g} s"
 
 
 @dataclass(frozen=True)
@@ -690,7 +552,7 @@ class World:
         return round(self.delay_s / self.timestep)
 
     @property
-    def servos_err(self) -> bool:
+    def has_servo_faults(self) -> bool:
         """Whether servos do otherwise than ideal ones, see `servo_faults`."""
         wrong = (
             *(self.backlash_deg, self.stiction, self.sag, self.target_step_deg),
@@ -699,7 +561,7 @@ class World:
         return any(wrong) or min(self.no_load, self.bus_hz) < math.inf
 
     @property
-    def sensors_err(self) -> bool:
+    def has_sensor_faults(self) -> bool:
         """Whether sensors show more than the truth and noise, see `sensor_faults`."""
         wrong = (
             *(self.encoder_offset_deg, self.encoder_step_deg),

@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 
 from gaitchain.errors import CommandError
-from gaitchain.sim.world import DISTURBANCES, Push, Span, World
+from gaitchain.sim.disturbance import Span
+from gaitchain.sim.push import Push
+from gaitchain.sim.world import DISTURBANCES, World
 
 _PUSHED = 0.5  # probability that a walk is pushed
 

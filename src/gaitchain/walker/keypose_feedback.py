@@ -16,14 +16,14 @@ from gaitchain.balance.keypose_balance import (
 from gaitchain.balance.keypose_lead import KeyposeLead
 from gaitchain.balance.leg_kinematics import legs_of
 from gaitchain.balance.state import Attitude
+from gaitchain.balance.state_estimation import NEAR
 from gaitchain.messages import GRAVITY, Array, Sensors
 from gaitchain.robot.robot import Robot
 
 _FOLLOWED = 0.3  # dead zones: errors of a robot whose servos follow the plan
-_NEAR = 0.1  # leg lengths of DCM error: beyond it the support foot may tip
 
 
-class SplineBalance:
+class AnkleBalance:
     """Correct planned joint angles by feedback at the ankles."""
 
     def __init__(self, robot: Robot, hip_height: float, period_s: float) -> None:
@@ -98,12 +98,12 @@ class SplineBalance:
             )
         if single and self._latest is not None:
             off = math.hypot(*self._latest.error) / self._leg_length
-            if off < _NEAR:
+            if off < NEAR:
                 tilt = self._latest.view.foot_tilt
                 self.attitude = self._vertical.walk(self.attitude, tilt, period)
 
 
-class FollowedBalance(SplineBalance):
+class ZmpBalance(AnkleBalance):
     """The same for servos that follow the plan: a DCM error shifts the planned ZMP.
 
     With both feet on the ground that shifts the weight between them.
@@ -126,7 +126,7 @@ class FollowedBalance(SplineBalance):
     def correct(
         self, planned: Array, sensors: Sensors, *, left: bool, single: bool, still: bool
     ) -> Array:
-        """See `SplineBalance.correct`."""
+        """See `AnkleBalance.correct`."""
         self._sense(sensors, still=still, single=single)
         error = self._compare(planned, sensors, left=left, pushing=False).error
         if still:
@@ -139,11 +139,11 @@ class FollowedBalance(SplineBalance):
 
 def make_balance(
     robot: Robot, hip_height: float, period_s: float, stand: Array
-) -> SplineBalance:
+) -> AnkleBalance:
     """Return the balance of a robot: of boxes, or read from a file.
 
-    Arguments are those of `FollowedBalance`.
+    Arguments are those of `ZmpBalance`.
     """
     if robot.boxes:
-        return SplineBalance(robot, hip_height, period_s)
-    return FollowedBalance(robot, hip_height, period_s, stand)
+        return AnkleBalance(robot, hip_height, period_s)
+    return ZmpBalance(robot, hip_height, period_s, stand)

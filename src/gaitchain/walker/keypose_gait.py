@@ -18,7 +18,7 @@ from gaitchain.gait.zmp import Support, support_at
 from gaitchain.messages import Array, Command, JointTargets, PanelMessage, Sensors
 from gaitchain.walker.gait import Gait
 from gaitchain.walker.generator import ChainState, Decision
-from gaitchain.walker.keypose_feedback import SplineBalance, make_balance
+from gaitchain.walker.keypose_feedback import AnkleBalance, make_balance
 from gaitchain.walker.keypose_generator import KeyposeGenerator
 
 # Sums of control periods have rounding errors: a key moment this close is reached [s].
@@ -117,7 +117,7 @@ class KeyposeGait(Gait):
         )
         return JointTargets(self.joint_names, targets)
 
-    def _make_balance(self) -> SplineBalance:
+    def _make_balance(self) -> AnkleBalance:
         hip_height = float(self._poses.parameters[0][STAND][1])
         robot = self._poses.robot
         return make_balance(robot, hip_height, self._period_s, self._rest)

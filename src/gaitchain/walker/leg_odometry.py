@@ -19,12 +19,12 @@ import numpy as np
 from gaitchain.balance.leg_kinematics import legs_of, posture
 from gaitchain.balance.rotations import rotation
 from gaitchain.balance.state import Attitude
+from gaitchain.balance.support_foot import TIPPED
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import Array
 from gaitchain.walker.odometry import Odometry
 
-_TIPPED = 0.02  # tilt from which on a foot stands on its edge alone [rad]
 _SMOOTH_S = 0.03  # time constant of the velocity
 # Drift of RES, OP3, T1 and Talos in simulation, by benchmarks/odometry_drift.py --seed
 # 7: root mean squares over robots and worlds. Errors keep their sign: they grow with
@@ -169,8 +169,8 @@ class LegOdometry:
     def _settle(self, feet: Array, ankles: Array) -> None:
         """Take the parts of the soles that bear weight from now on, and the height."""
         legs = self._legs
-        ahead = np.clip(-feet[:, 2, 0] / _TIPPED, -1.0, 1.0)
-        left = np.clip(-feet[:, 2, 1] / _TIPPED, -1.0, 1.0)
+        ahead = np.clip(-feet[:, 2, 0] / TIPPED, -1.0, 1.0)
+        left = np.clip(-feet[:, 2, 1] / TIPPED, -1.0, 1.0)
         self._pivots[:, 0] = 0.5 * (1.0 + ahead) * legs.sole_front
         self._pivots[:, 0] += 0.5 * (1.0 - ahead) * legs.sole_rear
         self._pivots[:, 1] = left * legs.sole_half_width

@@ -201,7 +201,14 @@ class StrideGait(Gait):
         }
 
     def follow_steps(self, steps: Sequence[Footstep]) -> None:
-        """Make given footsteps; see `Walker.follow_steps`."""
+        """Make given footsteps; see `Walker.follow_steps`.
+
+        Args:
+            steps: places of the feet in the frame of `place`, one foot after the other.
+
+        Raises:
+            CommandError: the robot does not stand, or a step is none that it can make.
+        """
         if not self.standing:
             raise CommandError(
                 "footsteps begin from a stand; stop first, and wait until it stands"

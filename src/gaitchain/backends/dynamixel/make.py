@@ -31,6 +31,17 @@ class Settings(NamedTuple):
     highest: int
 
 
+class SetupBlocks(NamedTuple):
+    """Where the table has what `Settings` says, within the block `setup`."""
+
+    mode: Block
+    return_delay: Block
+    """[2 us]"""
+    temperature_limit: Block
+    lowest: Block
+    highest: Block
+
+
 class State(NamedTuple):
     """What a servo says of itself."""
 
@@ -56,6 +67,7 @@ class Make(ABC):
     """Meaning of the bits of a hardware error status."""
     torque: Block
     setup: Block
+    setup_blocks: SetupBlocks
     present: Block
     goal: Block
     state: Block
@@ -73,9 +85,12 @@ class Make(ABC):
     examples: str
     """Models, for messages."""
 
-    @abstractmethod
     def settings(self, data: bytes) -> Settings:
         """Return what the block `setup` says."""
+        found = (block.unsigned(data, self.setup) for block in self.setup_blocks)
+        mode, return_delay, temperature_limit, lowest, highest = found
+        delay_s = _DELAY_UNIT_S * return_delay
+        return Settings(mode, delay_s, temperature_limit, lowest, highest)
 
     @abstractmethod
     def measured(self, data: bytes) -> tuple[int, int, int]:
@@ -119,6 +134,13 @@ class Dynamixel(Make):
     rad_s_per_count = table.RAD_S_PER_COUNT
     errors = table.HARDWARE_ERRORS
     torque, setup, present, goal = table.TORQUE, table.SETUP, table.PRESENT, table.GOAL
+    setup_blocks = SetupBlocks(
+        table.OPERATING_MODE,
+        table.RETURN_DELAY,
+        table.TEMPERATURE_LIMIT,
+        table.LOWEST_POSITION,
+        table.HIGHEST_POSITION,
+    )
     state, supply, watchdog = table.STATE, table.SUPPLY, table.WATCHDOG
     position_mode = table.POSITION_MODE
     modes: ClassVar[Mapping[int, str]] = {
@@ -132,17 +154,6 @@ class Dynamixel(Make):
         "does not obey; overload, heat, supply, or outside its Position Limits(52, 48)?"
     )
     examples = "xm430-w350, xl330-m288, mx-64 with protocol 2.0"
-
-    def settings(self, data: bytes) -> Settings:
-        """Return what the block `setup` says."""
-        return Settings(
-            mode=table.OPERATING_MODE.unsigned(data, table.SETUP),
-            return_delay_s=_DELAY_UNIT_S
-            * table.RETURN_DELAY.unsigned(data, table.SETUP),
-            temperature_limit=table.TEMPERATURE_LIMIT.unsigned(data, table.SETUP),
-            lowest=table.LOWEST_POSITION.unsigned(data, table.SETUP),
-            highest=table.HIGHEST_POSITION.unsigned(data, table.SETUP),
-        )
 
     def measured(self, data: bytes) -> tuple[int, int, int]:
         """Return current, velocity and position of the block `present` [counts]."""

@@ -4,13 +4,13 @@ from collections.abc import Iterator
 
 from gaitchain.backends.dynamixel.control_table import (
     COUNTS,
-    DEG_PER_COUNT,
     Block,
 )
 from gaitchain.backends.dynamixel.emulator.bus import EmulatedBus
 from gaitchain.backends.dynamixel.emulator.motor import Motor
 from gaitchain.backends.dynamixel.emulator.packets import BROADCAST, Packet
 from gaitchain.backends.dynamixel.emulator.port import Kinds
+from gaitchain.backends.dynamixel.emulator.servo import TableServo
 from gaitchain.backends.feetech import control_table as table
 
 HEADER = b"\xff\xff"
@@ -65,8 +65,14 @@ class StsReader:
         self._heard.clear()
 
 
-class EmulatedSts:
-    """An STS servo; without torque its motor is free, without a word it holds on."""
+class EmulatedSts(TableServo):
+    """An STS servo; without torque its motor is free, without a word it holds on.
+
+    It answers pings and reads, and with status level 1 all instructions.
+    """
+
+    torque_at, status_level_at = table.TORQUE, table.STATUS_LEVEL
+    errors_at = table.STATUS
 
     def __init__(
         self,
@@ -77,11 +83,8 @@ class EmulatedSts:
         lag_s: float = 0.02,
     ) -> None:
         """Power the servo on; see `EmulatedServo`."""
-        self.number = number
-        self.torque_seen = False
-        """Whether the torque was ever on."""
-        self._motor = Motor(angle_deg, speed_deg_s, lag_s)
-        self._table, self._now = bytearray(table.SIZE), 0.0
+        super().__init__(number, table.SIZE, Motor(angle_deg, speed_deg_s, lag_s))
+        self._now = 0.0
         self.put(table.MODEL, model)
         self.put(table.ID, number)
         self.put(table.STATUS_LEVEL, 1)
@@ -101,34 +104,6 @@ class EmulatedSts:
     def alert(self) -> int:
         """Error byte of every answer."""
         return self._get(table.STATUS)
-
-    @property
-    def status_level(self) -> int:
-        """0: the servo answers pings and reads; 1: all instructions."""
-        return self._get(table.STATUS_LEVEL)
-
-    @property
-    def torque(self) -> bool:
-        """Whether the torque is on."""
-        return self._get(table.TORQUE) == 1
-
-    @property
-    def angle_deg(self) -> float:
-        """Angle at the last access [deg]."""
-        return self._motor.position * DEG_PER_COUNT
-
-    def turn(self, angle_deg: float) -> None:
-        """Turn the servo, as by hand, to an angle [deg]; its torque must be off."""
-        self._motor.position = angle_deg / DEG_PER_COUNT
-
-    def fail(self, bits: int) -> None:
-        """Set error bits, which turns the torque off."""
-        self.put(table.STATUS, bits)
-        self.put(table.TORQUE, 0)
-
-    def put(self, block: Block, value: int) -> None:
-        """Set a value in the table from inside the servo, such as its temperature."""
-        self._table[block.address : block.end] = value.to_bytes(block.size, "little")
 
     def hear(self, now: float) -> None:
         """Move on to the time of a packet [s]."""
@@ -174,9 +149,6 @@ class EmulatedSts:
         ):
             sign = 1 << table.SIGN if value < 0 else 0
             self.put(block, abs(value) | sign)
-
-    def _get(self, block: Block) -> int:
-        return int.from_bytes(self._table[block.address : block.end], "little")
 
 
 class EmulatedStsBus(EmulatedBus):

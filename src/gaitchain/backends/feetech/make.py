@@ -5,11 +5,10 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from gaitchain.backends.dynamixel.control_table import COUNTS
-from gaitchain.backends.dynamixel.make import Make, Settings, State, Writes
+from gaitchain.backends.dynamixel.make import Make, Settings, SetupBlocks, State, Writes
 from gaitchain.backends.feetech import control_table as table
 from gaitchain.backends.feetech.wire import StsProtocol
 
-_DELAY_UNIT_S = 2e-6
 _TENTHS = 10.0  # of a percent in a percent
 _ON = b"\1"
 
@@ -28,6 +27,13 @@ class Feetech(Make):
     rad_s_per_count = 2.0 * math.pi / COUNTS
     errors = table.ERRORS
     torque, setup, present, goal = table.TORQUE, table.SETUP, table.PRESENT, table.GOAL
+    setup_blocks = SetupBlocks(
+        table.MODE,
+        table.RETURN_DELAY,
+        table.TEMPERATURE_LIMIT,
+        table.LOWEST_POSITION,
+        table.HIGHEST_POSITION,
+    )
     state, supply, watchdog = table.STATE, table.STATE, None
     position_mode = table.POSITION_MODE
     modes: ClassVar[Mapping[int, str]] = {1: "speed", 2: "PWM", 3: "steps"}
@@ -39,15 +45,9 @@ class Feetech(Make):
 
     def settings(self, data: bytes) -> Settings:
         """Return what the block `setup` says."""
-        highest = table.HIGHEST_POSITION.unsigned(data, table.SETUP)
-        return Settings(
-            mode=table.MODE.unsigned(data, table.SETUP),
-            return_delay_s=_DELAY_UNIT_S
-            * table.RETURN_DELAY.unsigned(data, table.SETUP),
-            temperature_limit=table.TEMPERATURE_LIMIT.unsigned(data, table.SETUP),
-            lowest=table.LOWEST_POSITION.unsigned(data, table.SETUP),
-            highest=highest or COUNTS - 1,  # both limits 0 are none
-        )
+        found = super().settings(data)
+        # Both limits 0 are none.
+        return found._replace(highest=found.highest or COUNTS - 1)
 
     def measured(self, data: bytes) -> tuple[int, int, int]:
         """Return current, velocity and position of the block `present` [counts]."""

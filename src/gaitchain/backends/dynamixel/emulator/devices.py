@@ -10,6 +10,7 @@ from gaitchain.backends.dynamixel import control_table as table
 from gaitchain.backends.dynamixel.calibration import ImuCalibration
 from gaitchain.backends.dynamixel.control_table import Block
 from gaitchain.backends.dynamixel.emulator.motor import Motor
+from gaitchain.backends.dynamixel.emulator.servo import TableServo
 from gaitchain.messages import GRAVITY, Array
 
 OK, RESULT_FAIL, RANGE, LENGTH, LIMIT, ACCESS = 0, 1, 4, 5, 6, 7
@@ -41,11 +42,15 @@ _STARTS = sorted(_FIELDS)
 _GOALS = {*range(table.GOAL_PWM.address, table.PROFILE.address), table.GOAL.address}
 
 
-class EmulatedServo:
+class EmulatedServo(TableServo):
     """A servo that follows its goal with a first-order lag and limited speed.
 
-    Its motion is computed when the servo is accessed.
+    Its motion is computed when the servo is accessed. It answers pings, from status
+    level 1 on also reads, and with 2 all instructions.
     """
+
+    torque_at, status_level_at = table.TORQUE, table.STATUS_LEVEL
+    errors_at = table.HARDWARE_ERROR
 
     def __init__(
         self,
@@ -64,12 +69,12 @@ class EmulatedServo:
             speed_deg_s: speed limit [deg/s].
             lag_s: time constant of the lag [s].
         """
-        self.number = number
-        self.torque_seen = False
-        """Whether the torque was ever on."""
+        super().__init__(number, _SIZE, Motor(angle_deg, speed_deg_s, lag_s))
         self._model = model
-        self._motor = Motor(angle_deg, speed_deg_s, lag_s)
-        self._table = bytearray(_SIZE)
+        # Infinite of a servo that measures no current: the register is 0.
+        known = table.MODELS.get(model)
+        unit_a = math.nan if known is None else known.amperes_per_count
+        self._unit_a = math.inf if math.isnan(unit_a) else unit_a
         self._now = self._heard_at = 0.0
         self.put(Block(0, 2), model)
         self.put(Block(6, 1), 45)  # firmware
@@ -99,37 +104,9 @@ class EmulatedServo:
         return table.ALERT if self._get(table.HARDWARE_ERROR) else 0
 
     @property
-    def status_level(self) -> int:
-        """0: the servo answers pings; 1: also reads; 2: all instructions."""
-        return self._get(table.STATUS_LEVEL)
-
-    @property
-    def torque(self) -> bool:
-        """Whether the torque is on."""
-        return bool(self._get(table.TORQUE))
-
-    @property
     def watchdog(self) -> int:
         """Value of the bus watchdog, 255 if it has tripped."""
         return self._get(table.WATCHDOG)
-
-    @property
-    def angle_deg(self) -> float:
-        """Angle at the last access [deg]."""
-        return self._motor.position * table.DEG_PER_COUNT
-
-    def turn(self, angle_deg: float) -> None:
-        """Turn the servo, as by hand, to an angle [deg]; its torque must be off."""
-        self._motor.position = angle_deg / table.DEG_PER_COUNT
-
-    def fail(self, bits: int) -> None:
-        """Set hardware error bits, which turns the torque off."""
-        self.put(table.HARDWARE_ERROR, bits)
-        self.put(table.TORQUE, 0)
-
-    def put(self, block: Block, value: int) -> None:
-        """Set a value in the table from inside the servo, such as its temperature."""
-        self._table[block.address : block.end] = value.to_bytes(block.size, "little")
 
     def hear(self, now: float) -> None:
         """Register a packet for any device at a time [s], which resets the watchdog."""
@@ -216,15 +193,12 @@ class EmulatedServo:
         """Write the measurements to the table."""
         error = (self._get(table.GOAL) - self._motor.position) / _COUNTS_PER_RAD
         amperes = error * _AMPERES_PER_RAD if self.torque else 0.0
-        current = max(-_MOST_COUNTS, min(_MOST_COUNTS, round(amperes / 0.00269)))
+        current = max(-_MOST_COUNTS, min(_MOST_COUNTS, round(amperes / self._unit_a)))
         speed = round(self._motor.velocity / _COUNTS_PER_RAD / table.RAD_S_PER_COUNT)
         present = struct.pack(
             table.PRESENT_FORMAT, current, speed, round(self._motor.position)
         )
         self._table[table.PRESENT.address : table.PRESENT.end] = present
-
-    def _get(self, block: Block) -> int:
-        return int.from_bytes(self._table[block.address : block.end], "little")
 
 
 class EmulatedImu:

@@ -1,0 +1,327 @@
+"""The fit of one motion of a log by rounds of replays, equations of `fit`. Ours."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gaitchain.build.jobs import arrivals
+from gaitchain.errors import LogError
+from gaitchain.identify.joint_search import Group, JointSearch
+from gaitchain.identify.log import Measured, MotionLog
+from gaitchain.identify.parameters import OF_JOINTS, OF_SERVOS, Parameters
+from gaitchain.identify.simulated import replay
+from gaitchain.messages import Array
+from gaitchain.robot.robot import Robot
+
+
+class Round(NamedTuple):
+    """Replays around the numbers found so far, and how far around."""
+
+    spread: float
+    """Parts of the deviations that are believed."""
+    own: float = 0.0
+    """Of those by which a joint differs from others that are alike."""
+
+
+# A robot that stands shows what a few numbers do together; one that swings its legs,
+# what each does: there each joint's own numbers are searched first. Where that does not
+# explain the log, play, damping and friction are fitted as those of all joints: what
+# each has of its own is tried near the rest of the numbers.
+SEARCHES = {"held": 12, "standing": 0}
+"""Rounds of the search joint by joint."""
+NEAR = (Round(0.1, 0.4), Round(0.05, 0.2))
+"""Rounds of replays after a search that explains the log."""
+ROUNDS = {
+    "held": (
+        *(Round(spread) for spread in (0.8, 0.5, 0.3, 0.2, 0.1, 0.05)),
+        *(Round(0.1, own) for own in (1.0, 0.6, 0.4)),
+    ),
+    "standing": tuple(map(Round, (1.0, 0.8, 0.6, 0.4, 0.3, 0.2, 0.3, 0.15, 0.1))),
+}
+"""Rounds of replays without one."""
+REPLAYS = 96
+"""Number of replays in a round; more than numbers."""
+_BLOCK = 25  # rows whose mean shows how alike residuals are
+EXPLAINED = 0.5 * (_BLOCK + 1)
+"""Most likeness of a joint's residuals, see `_spread`, that are noise, mostly."""
+_LEAST_SPREAD = 0.03
+_ALIKE = 0.01  # numbers that differ by less in a round's replays share their slope
+_STEPS = (1.0, 0.5)  # parts of a Gauss-Newton step that are tried
+_LEAST_SD = (2e-4, 2e-3, 0.03)  # of joints, gyro and accelerometer
+_FALLEN = 1.0  # residual of a row that the replay did not reach; no joint's else [rad]
+_IMU = 6  # columns of gyro and accelerometer
+_SEARCH_BANK = 0x1D5  # of seeds
+
+Columns = NDArray[np.int64]
+
+
+class Belief(NamedTuple):
+    """Mean and covariance of all numbers, in believed deviations."""
+
+    mean: Array
+    covariance: Array
+
+
+class MotionFit:
+    """One motion of a log, and replays of it."""
+
+    def __init__(
+        self, robot: Robot, log: MotionLog, parameters: Parameters, workers: int
+    ) -> None:
+        """Compare replays of a robot with what was measured in a motion.
+
+        Args:
+            robot: as in its file.
+            log: of the motion.
+            parameters: what is fitted.
+            workers: number of processes; the result does not depend on it.
+        """
+        self._robot, self._log, self._parameters = robot, log, parameters
+        self._workers, self._joints = workers, len(robot.legs.joint_names)
+        self.support = log.motion.support
+        measured = _columns(log.measured, len(log.motion.targets))
+        self._present = np.isfinite(measured)
+        self._measured = _unbiased(measured)
+
+    @property
+    def most_rounds(self) -> int:
+        """Number of rounds of a fit, at most."""
+        return SEARCHES[self.support] + len(ROUNDS[self.support])
+
+    def fit(
+        self, belief: Belief, rng: np.random.Generator, begin: Callable[[], None]
+    ) -> tuple[Array, Array]:
+        """Return the most likely numbers, and the covariance (2) of them.
+
+        Args:
+            belief: without this motion.
+            rng: source of randomness.
+            begin: called before each round.
+        """
+        found, rounds = belief.mean, ROUNDS[self.support]
+        if SEARCHES[self.support]:
+            searched = self._search(belief, begin)
+            if self.explains(searched):
+                found, rounds = searched, NEAR
+        covariance = belief.covariance
+        for around in rounds:
+            begin()
+            found, covariance = self.improve(found, belief, around, rng)
+        return found, covariance
+
+    def explains(self, vector: Array) -> bool:
+        """Return whether a replay with these numbers misses joints by noise, mostly.
+
+        Args:
+            vector: the numbers, in believed deviations.
+        """
+        table = self._table(self._replays([vector])[0])
+        _, alike = _spread(table, self._present)
+        return bool(np.all(alike[: self._joints] < EXPLAINED))
+
+    def _search(self, belief: Belief, begin: Callable[[], None]) -> Array:
+        """Return the numbers that a search joint by joint finds."""
+        rng = np.random.default_rng(_SEARCH_BANK)
+        search = JointSearch(*belief, self._groups())
+        for _ in range(SEARCHES[self.support]):
+            begin()
+            self._select(search, rng)
+        return self._clipped(search.found)
+
+    def _select(self, search: JointSearch, rng: np.random.Generator) -> None:
+        """Do one round of a search."""
+        tried = self._clipped(search.draw(REPLAYS, rng))
+        tables = np.array(list(map(self._table, self._replays(tried))))
+        missed = np.sum(tables**2, axis=1)
+        least = tables[np.argmin(missed, axis=0), :, np.arange(missed.shape[1])].T
+        search.select(tried, missed * weights_of(least, self._present) ** 2)
+
+    def improve(
+        self, start: Array, belief: Belief, around: Round, rng: np.random.Generator
+    ) -> tuple[Array, Array]:
+        """Return better numbers by one round, and the covariance (2) of them.
+
+        Args:
+            start: numbers found so far.
+            belief: without this motion.
+            around: the replays around the start.
+            rng: source of randomness.
+        """
+        tried = self._clipped(start + self._around(belief, around, rng))
+        replays = self._replays([start, *tried])
+        stood = np.array([len(seen.joint_position) for seen in replays[1:]])
+        tables = list(map(self._table, replays))
+        weights = weights_of(tables[0], self._present)
+        known = np.linalg.inv(belief.covariance)
+        whole = np.flatnonzero(stood == len(self._measured))
+        residual, slope = self._regression(tried - start, tables[1:], whole, weights)
+        curve = slope.T @ slope + known
+        back = slope.T @ residual + known @ (start - belief.mean)
+        step = -np.linalg.solve(curve, back)
+        ahead = self._clipped(np.array([start + part * step for part in _STEPS]))
+        vectors = [*ahead, start, *tried]
+        missed = np.array([*map(self._table, self._replays(ahead)), *tables])
+        off = np.array(vectors) - belief.mean
+        costs = np.sum((weights * missed) ** 2, axis=(1, 2))
+        costs += np.einsum("ij,jk,ik->i", off, known, off)
+        return vectors[int(np.argmin(costs))], np.linalg.inv(curve)
+
+    def _around(self, belief: Belief, around: Round, rng: np.random.Generator) -> Array:
+        """Draw deviations of all replays of a round, in pairs of opposite ones."""
+        sd = np.sqrt(np.diag(belief.covariance))
+        together, apart = self._parameters.draw(REPLAYS // 2, rng)
+        half = np.maximum(around.spread * sd, _LEAST_SPREAD) * together
+        half += around.own * sd * apart
+        return np.concatenate([half, -half])
+
+    def missed(self, robot: Robot, lean: Array) -> Array:
+        """Return what a replay misses, (N, 2 n + 6); NaN where nothing was measured."""
+        table = self._table(replay(robot, self._log.motion, lean))
+        return np.where(self._present, table, np.nan)
+
+    def _replays(self, vectors: Sequence[Array] | Array) -> list[Measured]:
+        read = [self._parameters.read(vector) for vector in vectors]
+        jobs = [
+            (n, replay, self._robot.as_identified(found), self._log.motion, lean)
+            for n, (found, lean) in enumerate(read)
+        ]
+        came = dict(arrivals(jobs, self._workers))
+        return [came[n] for n in range(len(jobs))]
+
+    def _table(self, seen: Measured) -> Array:
+        """Return measured less replayed; nothing where a sensor is missing."""
+        shown = _columns(seen, len(self._measured))
+        # The gyro's mean is that of the same rows.
+        replayed = _unbiased(np.where(self._present, shown, np.nan))
+        missed = np.where(np.isnan(shown), _FALLEN, self._measured - replayed)
+        return np.where(self._present, missed, 0.0)
+
+    def _clipped(self, vectors: Array) -> Array:
+        return np.clip(vectors, self._parameters.least, self._parameters.most)
+
+    def _regression(
+        self, moved: Array, tables: list[Array], stood: Columns, weights: Array
+    ) -> tuple[Array, Array]:
+        """Return residuals at the start and their slopes, over all replays that stood.
+
+        Args:
+            moved: (M, P) deviations of the replays' numbers from the start.
+            tables: what each missed.
+            stood: which of them stayed on their feet.
+            weights: 1 / s, (2 n + 6,).
+        """
+        if not stood.size:
+            raise LogError(
+                "every replay of the log falls, as if it were that of another robot; "
+                "check the masses and the servos of the file"
+            )
+        rows = weights * np.array([tables[i] for i in stood])
+        residual = np.zeros(rows.shape[1:])
+        slope = np.zeros((*residual.shape, moved.shape[1]))
+        for sensors, numbers in self._effects():
+            design = np.column_stack([np.ones(len(stood)), moved[stood][:, numbers]])
+            size = np.maximum(np.linalg.norm(design, axis=0), 1e-12)
+            seen = rows[:, :, sensors].reshape(len(stood), -1)
+            scaled = np.linalg.lstsq(design / size, seen, rcond=_ALIKE)[0]
+            level, *slopes = scaled / size[:, None]
+            residual[:, sensors] = level.reshape(-1, len(sensors))
+            for number, own in zip(numbers, slopes, strict=True):
+                slope[:, sensors, number] = own.reshape(-1, len(sensors))
+        return residual.ravel(), slope.reshape(-1, moved.shape[1])
+
+    def _groups(self) -> list[Group]:
+        """Return each joint's numbers, those of all servos, and those of the IMU."""
+        numbers, joints = self._parameters, np.arange(self._joints)
+        common = [i for name in (*OF_SERVOS, "lean") for i in numbers.places(name)]
+        imu = self._joints + np.arange(_IMU)
+        return [
+            *(
+                Group(np.array(numbers.own(joint)), joints[joint : joint + 1])
+                for joint in range(self._joints)
+            ),
+            Group(np.array(common), joints),
+            Group(np.array(numbers.places("tilt")), imu),
+        ]
+
+    def _effects(self) -> list[tuple[Columns, Columns]]:
+        """Return which numbers have an effect on which sensors."""
+        everywhere = self._parameters.all
+        leg, joints = self._joints // 2, np.arange(self._joints)
+        imu = self._joints + np.arange(_IMU)
+
+        def chosen(*names: str, own: int | None = None) -> list[int]:
+            return [
+                i
+                for i, p in enumerate(everywhere)
+                if p.name in names and (own is None or (p.index or 0) // leg == own)
+            ]
+
+        if self.support == "standing":
+            all_but = [i for i, p in enumerate(everywhere) if p.name != "lean"]
+            return [(np.concatenate([joints, imu]), np.array(all_but))]
+        servos, lean = chosen(*OF_SERVOS), chosen("lean")
+        legs = [
+            (joints // leg == own, [*chosen(*OF_JOINTS, own=own), *servos, *lean])
+            for own in range(2)
+        ]
+        return [
+            *((np.flatnonzero(of), np.array(numbers)) for of, numbers in legs),
+            (imu, np.array([*chosen("tilt"), *lean])),
+        ]
+
+
+def sensor_kinds(tables: Sequence[Array]) -> tuple[Array, Array, Array]:
+    """Return the columns of joints, gyro and accelerometer."""
+    table = np.concatenate(tables)
+    return table[:, :-_IMU], table[:, -_IMU:-3], table[:, -3:]
+
+
+def rms(tables: Sequence[Array]) -> tuple[float | None, ...]:
+    """Return what replays miss of joints, gyro, accelerometer; None of what is not."""
+    there = [kind[np.isfinite(kind)] for kind in sensor_kinds(tables)]
+    return tuple(float(np.sqrt(np.mean(k**2))) if k.size else None for k in there)
+
+
+def _columns(seen: Measured, rows: int) -> Array:
+    """Return the rows of all sensors, (N, 2 n + 6); NaN after a fall."""
+    shown = np.hstack([seen.joint_position, seen.angular_velocity, seen.acceleration])
+    table = np.full((rows, shown.shape[1]), np.nan)
+    table[: len(shown)] = shown
+    return table
+
+
+def _unbiased(table: Array) -> Array:
+    """Return the rows without the gyro's mean, as it has a bias; NaN stays NaN."""
+    table, gyro = table.copy(), slice(-_IMU, -3)
+    there = np.isfinite(table[:, gyro])
+    total = np.where(there, table[:, gyro], 0.0).sum(axis=0)
+    table[:, gyro] -= total / np.maximum(there.sum(axis=0), 1)
+    return table
+
+
+def weights_of(table: Array, present: NDArray[np.bool_]) -> Array:
+    """Return 1 / s of each sensor by its residuals, as if all rows were independent.
+
+    Args:
+        table: (N, 2 n + 6) residuals, 0 where nothing was measured.
+        present: (N, 2 n + 6) where something was.
+    """
+    sd, alike = _spread(table, present)
+    return np.asarray(1.0 / (sd * np.sqrt(alike)))
+
+
+def _spread(table: Array, present: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return the size of each sensor's residuals, and how alike they are.
+
+    Of white noise the latter is 1; of what changes slowly, the rows of a block.
+    """
+    joints = table.shape[1] - _IMU
+    least = np.repeat(_LEAST_SD, [joints, 3, 3])
+    square = np.sum(table**2, axis=0) / np.maximum(present.sum(axis=0), 1)
+    sd = np.maximum(np.sqrt(square), least)
+    whole = len(table) // _BLOCK * _BLOCK
+    sums = table[:whole].reshape(-1, _BLOCK, table.shape[1]).sum(axis=1)
+    rows = np.maximum(present[:whole].sum(axis=0), 1)
+    return sd, np.maximum(np.sum(sums**2, axis=0) / rows / sd**2, 1.0)
