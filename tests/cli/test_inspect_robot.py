@@ -126,7 +126,7 @@ def test_a_library_of_a_full_robot_shows_its_joints(toy_library, tmp_path, capsy
         (["inspect", "x.gait", "--profile", "p.toml"], "x.gait is a gait library"),
         (["inspect", "toy.xml", "--profile", "nope.toml"], "nope.toml: No such file"),
         (["inspect", "toy.xml", "-o", "/"], "/: cannot be written"),
-        (["walk", "toy.gait", "--profile", "p.toml"], "Give --robot"),
+        (["walk", "toy.gait", "--profile", "p.toml"], "give --robot"),
         (["walk", "--profile", "p.toml"], "profile p.toml: res is a robot of boxes"),
         (
             ["build", "res", "-o", "x.gait", "--profile", "nope.toml"],

@@ -1,5 +1,6 @@
 """The loop's latest telemetry for the HTTP API, read in one thread."""
 
+import math
 import threading
 import time
 from contextlib import closing
@@ -14,6 +15,7 @@ from gaitchain.service.schemas import Fall, NumberedEvent
 
 _KEPT_EVENTS = 200
 _POLL_S = 0.2
+_ASK_EVERY_S = 0.5  # for what was said before; a loop that ends takes a request with it
 _TRUTH_S = 0.1  # older than this, what the simulator knew is no picture of now
 
 
@@ -74,7 +76,7 @@ class Feed:
         return tuple(event for event in events if event.number > number)
 
     def _read(self) -> None:
-        missed, number = True, 0
+        missed, number, asked_s = True, 0, -math.inf
         with (
             closing(Listener(self._folder)) as listener,
             closing(Asker(self._folder)) as asker,
@@ -84,12 +86,16 @@ class Feed:
                     telemetry = listener.next(_POLL_S)
                 except msgspec.DecodeError:  # of another version of this package
                     continue
-                if telemetry is not None:
-                    self._take(telemetry)
-                    # A loop that was started again said its first words to nobody.
-                    missed = missed or telemetry.number < number
-                    number = telemetry.number
-                    missed = missed and not asker.ask(Recall())
+                if telemetry is None:
+                    continue
+                self._take(telemetry)
+                # Rows were lost, or a loop began again and told nobody of its first.
+                missed = missed or telemetry.number != number + 1
+                missed = missed and not telemetry.recalled
+                number = telemetry.number
+                if missed and time.monotonic() - asked_s > _ASK_EVERY_S:
+                    asked_s = time.monotonic()
+                    asker.ask(Recall())
 
     def _take(self, telemetry: Telemetry) -> None:
         # By UNIX time, as each loop's own clock begins at 0.
