@@ -50,12 +50,7 @@ def weigh(
 ) -> tuple[bool, float, float]:
     """Measure how far the robot's CoM is off that of its model, without an array.
 
-    Args:
-        legs: the robot.
-        joints: (2 n,) measured [rad].
-        rates: (2 n,) measured [rad/s].
-        targets: (2 n,) the latest servo targets [rad].
-        level: (3, 3) rotation from the pelvis frame to the level frame.
+    Arguments are those of `weigh_offset`.
 
     Returns:
         Whether the robot stands, and the offset ahead and left in the level frame [m].

@@ -209,7 +209,7 @@ def hold_own(library: GaitLibrary, file: str, crew: Crew) -> GaitLibrary:
 
     Args:
         library: with its `steady` range.
-        file: of the robot, see `own_model.run_own_trials`.
+        file: of the robot, see `own_trials.run_own_trials`.
         crew: processes.
     """
     span = library.command_range

@@ -157,13 +157,8 @@ def fits(
 ) -> bool:
     """Return whether the plan can make a walk's steps, of equal ones the first.
 
-    Args:
-        robot: the robot.
-        shape: of its steps.
-        timing: of its steps [s].
-        walk: what is walked.
-        pace: speed ahead that counts as 1, over sqrt(g leg).
-        speed_limit_deg_s: of the joints [deg/s]; None for the robot's own.
+    Arguments are those of `steps_held`, and the joints' speed limit [deg/s]; None for
+    the robot's own.
     """
     poses, gaits = walk_of(robot, shape, timing.step, walk, pace, _CHECKED)
     speed = joint_speeds(robot, speed_limit_deg_s)
