@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from live_robot import library
 from other_robots import resized
-from patience import PATIENCE_S
+from patience import PATIENCE_S, Deadline
 from ros_peers import RosbridgeServer
 from verdicts import FAILED
 
@@ -45,6 +45,17 @@ def servos(folder, **changes):
     with ServoBusEmulator.like(CALIBRATION) as bus:
         spec = f"dynamixel:{bus.port}"
         yield bus, asked(backend=spec, calibration=str(path), **changes)
+
+
+def refusal(settings, folder):
+    """Return why no loop can be made, of servos that may be late on a busy machine."""
+    deadline = Deadline()
+    while True:
+        with pytest.raises((CommandError, BackendError)) as refused:
+            make_loop(settings, folder)
+        if refused.errisinstance(CommandError) or deadline.passed():
+            assert refused.errisinstance(CommandError)
+            return refused
 
 
 @pytest.mark.parametrize("spec", ["", "mujoco:x", "dynamixel", "ros:", "usb:1"])
@@ -119,8 +130,7 @@ def test_a_robot_behind_ros_without_an_imu_is_told_the_topic(tmp_path):
 
 def test_a_robot_that_was_connected_is_let_go_of_when_no_loop_can_be_made(tmp_path):
     with servos(tmp_path) as (bus, settings):
-        with pytest.raises(CommandError) as refused:
-            make_loop(settings, tmp_path)
+        refused = refusal(settings, tmp_path)
         assert refused.traceback  # which would keep the robot alive, and its port
         with opened(bus.port, [CALIBRATION.baud], [1]) as (_, _, models):
             assert models
