@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 
 EXTRAS = {
-    "sim": ("mujoco", "joblib", "scipy", "cmaes", "trimesh", "collada"),
+    "sim": ("mujoco", "joblib", "scipy", "cmaes", "filelock", "trimesh", "collada"),
     "view": ("matplotlib", "viser", "trimesh", "fast_simplification"),
     "serve": ("fastapi", "starlette", "uvicorn", "httpx", "zmq", "mcap", "rosbags"),
     "servos": ("dynamixel_sdk", "scservo_sdk", "serial"),

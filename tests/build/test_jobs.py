@@ -129,6 +129,20 @@ def test_a_journal_remembers_by_what_its_results_were_judged(tmp_path):
     assert judged([0.4, 0.9], []) == ([[0.3, 0.9], [0.2, 0.9]], [[1], [2], [3]])
 
 
+def test_two_runs_at_once_do_not_share_a_journal(tmp_path):
+    """The second is refused, whichever state the first is in, and changes nothing."""
+    first = journal_of(tmp_path, 1)
+    with pytest.raises(JournalError, match="another run writes to it"):
+        journal_of(tmp_path, 1)
+    with first:
+        first.add([1])
+        with pytest.raises(JournalError, match="give another -o"):
+            journal_of(tmp_path, 2)
+    assert [path.name for path in tmp_path.iterdir()] == ["work.jsonl"]
+    with journal_of(tmp_path, 1) as second:
+        assert second.found == [[1]]
+
+
 def test_a_journal_that_cannot_be_written_is_named(tmp_path):
     with pytest.raises(CommandError, match="cannot be written"):
         Journal(tmp_path / "nowhere" / "work.jsonl").__enter__()

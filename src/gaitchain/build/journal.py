@@ -2,13 +2,15 @@
 
 import hashlib
 import json
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
 from itertools import count
 from pathlib import Path
 from typing import Any
+
+from filelock import FileLock, Timeout
 
 from gaitchain.errors import JournalError, file_errors
 from gaitchain.gait.whole_file import replace_file
@@ -23,7 +25,8 @@ class Journal:
     """Results of a run in a file beside its output; the first line identifies the run.
 
     An incomplete last line is dropped. Numbers are restored to the last bit. A file of
-    another run stays, under another name, if it has results.
+    another run stays, under another name, if it has results. One that goes on beside
+    this one is not disturbed: its file is locked.
     """
 
     def __init__(self, path: Path, *subject: object, criterion: Any = None) -> None:
@@ -35,8 +38,9 @@ class Journal:
             criterion: by which they are judged, in plain values; the file remembers it.
 
         Raises:
-            JournalError: the file cannot be read.
+            JournalError: the file cannot be read, or another run writes to it.
         """
+        self._lock = _locked(path)
         digest = hashlib.sha256(code_digest().encode())
         for part in subject:
             digest.update(part if isinstance(part, bytes) else f"{part!r}".encode())
@@ -85,13 +89,20 @@ class Journal:
         Raises:
             JournalError: the file cannot be written, as in all that follows.
         """
+        try:
+            self._begin()
+        except JournalError:
+            self._unlock()
+            raise
+        return self
+
+    def _begin(self) -> None:
         with self._writing():
             if self._aside is not None:
                 self.path.rename(self._aside)
             self._head()
             self._file = self.path.open("r+b")
         self.keep(len(self.found))
-        return self
 
     def _head(self) -> None:
         """Write the first line, which has the criterion of this run, too."""
@@ -104,8 +115,16 @@ class Journal:
 
     def __exit__(self, *unused: object) -> None:
         """Close the file without deleting it."""
-        with self._writing():  # the last piece once more, where it found no room
-            self._file.close()
+        try:
+            with self._writing():  # the last piece once more, where it found no room
+                self._file.close()
+        finally:
+            self._unlock()
+
+    def _unlock(self) -> None:
+        with suppress(OSError):  # Windows keeps a file that is open
+            Path(self._lock.lock_file).unlink()
+        self._lock.release()
 
     def keep(self, pieces: int) -> None:
         """Drop all results but the first `pieces`, and continue after them."""
@@ -130,6 +149,21 @@ class Journal:
 
     def _writing(self) -> AbstractContextManager[None]:
         return file_errors(self.path, "written", JournalError)
+
+
+def _locked(path: Path) -> FileLock:
+    """Return a lock of a journal, which ends with this process."""
+    lock = FileLock(f"{path}.lock")
+    with file_errors(path, "written", JournalError):
+        path.parent.stat()  # the lock would make a folder that is missing
+        try:
+            lock.acquire(blocking=False)
+        except Timeout:
+            raise JournalError(
+                f"{path}: another run writes to it; wait for its end, or give another "
+                "-o"
+            ) from None
+    return lock
 
 
 @cache
