@@ -1,10 +1,9 @@
-"""The grid: cells, covers, the same whatever the workers, what is taken out."""
+"""The grid: cells, covers, what is taken out."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from joblib import parallel_config
 
 from gaitchain.build.grid import (
     DYNAMIC_GRID,
@@ -19,7 +18,6 @@ from gaitchain.build.grid import (
 from gaitchain.build.qualify import _ROUNDS, default_grid, qualify_grid
 from gaitchain.build.trial import draw_world
 from gaitchain.build.workers import Crew
-from gaitchain.cli.cluster import dask_client
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.errors import LibraryError
 from gaitchain.gait.library_file import library_bytes, load_library, save_library
@@ -204,20 +202,6 @@ def test_an_interrupted_run_ends_the_same(library, qualified):
     assert library_bytes(again) == library_bytes(found)
     assert {run.key for run in news} == {run.key for run in runs} - set(kept)
     assert len(news) == 4
-
-
-def test_two_processes_and_a_cluster_give_the_same(library, qualified):
-    """The last runs of the rounds are given, to save time."""
-    found, runs = qualified
-    given = {run.key: run for run in runs[4:]}
-    local, spread = [], []
-    two = qualify_grid(library, TINY, Crew(2, tell), given, local.append)
-    client = dask_client(None, 2)
-    with client, parallel_config(backend="dask", client=client):
-        assert len(client.scheduler_info()["workers"]) == 2
-        four = qualify_grid(library, TINY, Crew(4, tell), given, spread.append)
-    assert sorted(local) == sorted(spread) == sorted(runs[:4])
-    assert library_bytes(two) == library_bytes(four) == library_bytes(found)
 
 
 def test_qualifying_again_starts_from_the_build(library, qualified):

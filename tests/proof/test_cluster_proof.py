@@ -1,4 +1,4 @@
-"""A proof on dask and Ray, both real: the same verdict, whatever is killed."""
+"""A proof on dask, a real one: the same verdict, whatever is killed."""
 
 import json
 import os
@@ -8,35 +8,18 @@ import subprocess
 import sys
 from contextlib import closing, contextmanager, suppress
 from functools import wraps
-from importlib.util import find_spec
 
 import pytest
 from joblib import parallel_config
 from patience import PATIENCE_S, Deadline
+from small_proof import WORDS, proven
 
-from gaitchain.build.workers import Crew
 from gaitchain.cli import run
-from gaitchain.cli.cluster import dask_client, on_ray
-from gaitchain.cli.libraries import shipped_library
-from gaitchain.gait.library_file import library_bytes, load_library
+from gaitchain.cli.cluster import dask_client
 from gaitchain.proof import proof_walks
-from gaitchain.proof.fall_rate import prove
-from gaitchain.proof.proof_walks import CHOSEN, Criterion
+from gaitchain.proof.proof_walks import CHOSEN
 
 pytestmark = pytest.mark.slow
-# Not imported here: Ray looks at its settings when it is imported.
-needs_ray = pytest.mark.skipif(find_spec("ray") is None, reason="no Ray")
-LIBRARY = load_library(shipped_library())
-BRIEF = Criterion(bound=0.05, seconds=3.0)
-WORDS = ["qualify", "res", "--bound", "0.05", "--seconds", "3"]
-
-
-def proven(workers=2):
-    """Of 32 walks that are begun together half would be in vain."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(proof_walks, "_BATCH", 18)
-        crew = Crew(workers, lambda *news: None)
-        return library_bytes(prove(LIBRARY, BRIEF, crew))
 
 
 @pytest.fixture(scope="module")
@@ -45,19 +28,13 @@ def here():
     return proven(1)
 
 
-@needs_ray
-def test_ray_finds_the_same(here):
-    with on_ray(None, 2):
-        assert proven() == here
-
-
 def test_a_killed_dask_worker_changes_nothing(here):
     pytest.importorskip("distributed")
     client = dask_client(None, 2)
     with client, parallel_config(backend="dask", client=client):
         before = client.run(os.getpid)
         os.kill(next(iter(before.values())), signal.SIGKILL)
-        assert proven() == here
+        assert proven(2) == here
         client.wait_for_workers(2, timeout=PATIENCE_S)
         assert set(client.run(os.getpid).values()) != set(before.values())
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from joblib import parallel_config
 
 from gaitchain.build.grid import Grid, Levels
 from gaitchain.build.workers import Crew
@@ -222,20 +221,6 @@ def test_it_ends_without_a_verdict_after_the_most_steps():
     found = prove(LIBRARY, few, crew()).qualification.proof
     assert found.verdict == "open"
     assert 20 <= found.total.steps < 40
-
-
-@pytest.mark.slow
-def test_dask_finds_the_same(proven):
-    distributed = pytest.importorskip("distributed")
-    client = distributed.Client(
-        n_workers=1,
-        threads_per_worker=1,
-        dashboard_address="127.0.0.1:0",
-        processes=False,
-    )
-    with client, parallel_config(backend="dask", client=client):
-        found = prove(LIBRARY, BRIEF, crew()).qualification.proof
-    assert found == proven[0].qualification.proof
 
 
 @pytest.mark.slow

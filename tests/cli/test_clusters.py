@@ -1,4 +1,9 @@
-"""A build on a cluster: dask and Ray, both real, give the library of this machine."""
+"""Work on a cluster: dask and Ray, both real, find what this machine does.
+
+One of each, started once: that, and loading the physics in its processes, takes longer
+than all that is asked of it. What kills parts of a cluster has its own
+(tests/proof/test_cluster_proof.py).
+"""
 
 import importlib
 import os
@@ -9,39 +14,71 @@ from pathlib import Path
 import pytest
 from joblib import parallel_config
 from small_build import SMALLEST, few_steady_walks
+from small_proof import proven
 
+from gaitchain.build.grid import Grid
 from gaitchain.build.jobs import run_jobs
 from gaitchain.build.pipeline import build_library
+from gaitchain.build.qualify import qualify_grid
+from gaitchain.build.workers import Crew
 from gaitchain.cli.cluster import dask_client, on_ray
 from gaitchain.gait.library_file import library_bytes
 
 pytestmark = pytest.mark.slow
 # Not imported here: Ray looks at its settings when it is imported.
 needs_ray = pytest.mark.skipif(find_spec("ray") is None, reason="no Ray")
+TINY = Grid((), corners=False)
 
 
 def built(workers):
-    return library_bytes(build_library(SMALLEST, workers=workers)[0])
+    with few_steady_walks():
+        return library_bytes(build_library(SMALLEST, workers=workers)[0])
 
 
 @pytest.fixture(scope="module")
-def here():
-    """Few steady walks, for all tests of this module."""
-    with few_steady_walks():
-        yield built(1)
+def built_here():
+    return built(1)
+
+
+@pytest.fixture(scope="module")
+def proven_here():
+    return proven(1)
 
 
 @pytest.fixture(scope="module")
 def dask():
-    """A cluster of two processes, started once: each loads the physics for seconds."""
+    """A cluster of two processes."""
     pytest.importorskip("distributed")
     with dask_client(None, 2) as client:
+        assert len(client.scheduler_info()["workers"]) == 2
         yield partial(parallel_config, backend="dask", client=client)
 
 
-def test_dask_builds_the_same_bytes(here, dask):
+def test_dask_builds_the_same_bytes(built_here, dask):
     with dask():
-        assert built(2) == here
+        assert built(2) == built_here
+
+
+def test_dask_proves_the_same(proven_here, dask):
+    with dask():
+        assert proven(2) == proven_here
+
+
+def test_two_processes_and_dask_qualify_the_same(library, qualified, dask):
+    """The last runs of the rounds are given, to save time."""
+    found, runs = qualified
+    given = {run.key: run for run in runs[4:]}
+    local, spread = [], []
+
+    def qualify(workers, note):
+        crew = Crew(workers, lambda *news: None)
+        return library_bytes(qualify_grid(library, TINY, crew, given, note))
+
+    two = qualify(2, local.append)
+    with dask():
+        four = qualify(4, spread.append)
+    assert sorted(local) == sorted(spread) == sorted(runs[:4])
+    assert two == four == library_bytes(found)
 
 
 def resident_mib():
@@ -63,10 +100,11 @@ def test_dask_keeps_nothing_of_jobs_that_are_done(dask):
 
 
 @needs_ray
-def test_ray_builds_the_same_bytes_by_processes_that_stay_and_go(here):
-    """Started as the command line starts it, once: that takes many seconds."""
+def test_ray_finds_the_same_by_processes_that_stay_and_go(built_here, proven_here):
+    """Started as the command line starts it."""
     with on_ray(None, 2):
-        assert built(2) == here
+        assert built(2) == built_here
+        assert proven(2) == proven_here
         context = importlib.import_module("ray").get_runtime_context()
         assert "py_executable" not in context.runtime_env, "by this Python, not by uv"
         # They stay for all calls: each new one would load the physics again.
