@@ -77,6 +77,19 @@ def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: [item.path not in group for group in groups])
 
 
+@pytest.fixture(scope="session", autouse=True)
+def one_core():
+    """Let whatever is told no number of processes work in this one.
+
+    Others test beside it, and each process of a pool loads the physics for 1.4 s.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        if hasattr(os, "sched_getaffinity"):
+            own = os.sched_getaffinity
+            patch.setattr(os, "sched_getaffinity", lambda pid: {min(own(pid))})
+        yield
+
+
 @pytest.fixture(autouse=True)
 def ordinary_priority():
     """Refuse a test that leaves this process, and all that it starts, before others."""

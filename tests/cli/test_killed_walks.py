@@ -14,7 +14,7 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(os.name == "nt", reason="no process groups"),
 ]
-WALKS = ["trial", "res", "--runs", "200", "--seconds", "5", "--workers", "2"]
+WALKS = ["trial", "res", "--runs", "200", "--seconds", "3", "--workers", "2"]
 PROGRAM = """
 import signal
 import sys
