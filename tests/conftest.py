@@ -176,7 +176,7 @@ def _build_brisk():
         patch.setattr(command_envelope, "_SECONDS", 10.0)
         patch.setattr(command_envelope, "_SCHEDULES", 1)
         patch.setattr(command_envelope, "_HARD_RUNS", 1)
-        patch.setattr(usual_errors, "_RUNS", 2)  # of each command
-        patch.setattr(usual_errors, "_RUNS_OFF", 2)
+        patch.setattr(usual_errors, "_RUNS", 1)  # of each command
+        patch.setattr(usual_errors, "_RUNS_OFF", 1)
         patch.setattr(usual_errors, "_SECONDS", 3.0)
         return build_library(SMALL_BRISK, workers=1)[0]
