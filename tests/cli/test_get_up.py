@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -84,6 +85,34 @@ def test_an_interrupted_search_goes_on_and_finds_the_same(
     assert "the same command goes on from there" in capsys.readouterr().out
     assert searched(toy_gait, toy_path, again) == 1
     assert "going on after 14 finished pieces" in capsys.readouterr().out
+    assert again.read_bytes() == whole.read_bytes()
+    assert not list(tmp_path.glob("*.jsonl"))
+
+
+@pytest.mark.usefixtures("small")
+def test_an_interrupt_between_the_falls_keeps_the_search(
+    toy_gait, toy_path, tmp_path, monkeypatch, capsys
+):
+    """The falls come after the search, which takes much longer."""
+    whole, again = tmp_path / "whole.getup", tmp_path / "again.getup"
+    searched(toy_gait, toy_path, whole, "--sides", "back")
+    add, added = journal.Journal.add, []
+
+    def interrupted(self, piece):
+        (_, of, *_), _ = piece
+        add(self, piece)
+        added.append(of)
+        if of == "rise":
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(journal.Journal, "add", interrupted)
+        assert searched(toy_gait, toy_path, again, "--sides", "back") == 130
+    assert added.count("rise") == 1
+    assert not again.exists()
+    assert "the same command goes on from there" in capsys.readouterr().out
+    searched(toy_gait, toy_path, again, "--sides", "back")
+    assert f"going on after {len(added)} finished pieces" in capsys.readouterr().out
     assert again.read_bytes() == whole.read_bytes()
     assert not list(tmp_path.glob("*.jsonl"))
 

@@ -1,5 +1,7 @@
 """`gaitchain get-up`: search how a robot gets up after a fall, and try it."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -37,12 +39,16 @@ def run(options: Options) -> tuple[int, dict[str, Any]]:
     written = options.output, options.replay
     check_files(written, [Path(options.library), options.model])
     subject = Subject(options.model, read_library(options.library))
-    found = _known(options, subject) if options.ways else _search(options, subject)
+    journal = None if options.ways else _begun(options, subject)
+    with nullcontext() if journal is None else _kept(journal):
+        found = _known(options, subject) if options.ways else _search(options, subject)
+        came = {side: _try(options, subject, found, side) for side in found.ways}
     missing = [side for side in _sides(options) if side not in found.ways]
-    came = {side: _try(options, subject, found, side) for side in found.ways}
     ways = {side: _counted(found, side, came[side]) for side in came}
     found = msgspec.structs.replace(found, ways=ways)
     save_get_up(found, options.output)
+    if journal is not None:
+        journal.remove()
     _show(found, came)
     if options.replay is not None:
         _draw(options, subject, found, options.replay)
@@ -79,25 +85,33 @@ def _known(options: Options, subject: Subject) -> GetUp:
     return msgspec.structs.replace(known, ways=ways)
 
 
-def _search(options: Options, subject: Subject) -> GetUp:
-    """Search the ways; what is finished is kept until the end."""
-    workers = options.workers or available_cores()
-    effort = Effort(options.generations, options.seed, workers)
-    out, asked = options.output, (effort.generations, effort.seed, options.sides)
+def _begun(options: Options, subject: Subject) -> Journal:
+    """Open the journal of the search and of the falls after it, and say so."""
+    out, asked = options.output, (options.generations, options.seed, options.sides)
     of = *_searched(subject), asked
     journal = Journal(out.with_name(f"{out.name}.search.jsonl"), *of)
     say(journal.greeting)
+    return journal
+
+
+@contextmanager
+def _kept(journal: Journal) -> Iterator[None]:
+    """Keep what is finished, unless it would be refused again."""
     try:
-        with resumable(journal.path), keeping(journal), progress() as tell:
-            ways = search_ways(subject, _sides(options), effort, tell)
-            found = assemble(subject, ways)
+        with resumable(journal.path), keeping(journal):
+            yield
     except UnfinishedError:
         raise  # what is finished goes on
     except GaitchainError:
         journal.remove()
         raise
-    journal.remove()
-    return found
+
+
+def _search(options: Options, subject: Subject) -> GetUp:
+    workers = options.workers or available_cores()
+    effort = Effort(options.generations, options.seed, workers)
+    with progress() as tell:
+        return assemble(subject, search_ways(subject, _sides(options), effort, tell))
 
 
 def _searched(subject: Subject) -> tuple[bytes, str]:
