@@ -197,6 +197,21 @@ def test_known_ways_are_tried_from_the_sides_asked_for(
     assert ways.read_bytes() == before
 
 
+def test_a_full_disk_keeps_the_ways_of_before(
+    toy_gait, toy_path, known, tmp_path, capsys
+):
+    out, ways = tmp_path / "out.getup", known("front")
+    assert tried(toy_gait, toy_path, ways, out, "--sides", "front") in (0, 1)
+    before = out.read_bytes()
+    capsys.readouterr()
+    with full_disk(100):
+        assert tried(toy_gait, toy_path, ways, out, "--sides", "front") == 2
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said == f"gaitchain: {out}: cannot be written: File too large"
+    assert out.read_bytes() == before
+    assert not list(tmp_path.glob(".*"))
+
+
 def test_a_side_without_a_known_way_does_not_pass(
     toy_gait, toy_path, known, tmp_path, capsys, monkeypatch
 ):

@@ -8,6 +8,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from full_disk import full_disk
 
 from gaitchain.cli import export_motions, run
 from gaitchain.errors import CommandError
@@ -236,6 +237,15 @@ def test_mjlab_finds_its_arrays(plan, motions, tmp_path):
         assert found["joint_vel"] == pytest.approx(motions[2].qvel[:, 6:], abs=1e-5)
         trunk = found["body_quat_w"][:, 0]
         assert trunk == pytest.approx(motions[2].qpos[:, 3:7], abs=1e-5)
+
+
+@pytest.mark.parametrize("to", sorted(FORMATS))
+def test_a_full_disk_leaves_no_part_of_a_file(plan, motions, tmp_path, to):
+    kind = FORMATS[to]
+    path = tmp_path / f"f{kind.suffix}" if kind.suffix else tmp_path
+    with full_disk(1000), pytest.raises(CommandError, match="cannot be written"):
+        kind.write(plan, motions, path)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(("to", "suffix"), [("csv", ".csv"), ("mjlab", ".npz")])

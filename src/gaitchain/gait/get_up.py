@@ -7,7 +7,8 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from gaitchain.errors import LibraryError
+from gaitchain.errors import LibraryError, file_errors
+from gaitchain.gait.whole_file import replace_file
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
 
@@ -99,9 +100,14 @@ def way_targets(way: Way, start: Array, period_s: float) -> Array:
 
 
 def save_get_up(found: GetUp, file: str | Path) -> None:
-    """Write the file, which is JSON."""
+    """Write the file, which is JSON.
+
+    Raises:
+        LibraryError: it cannot be written; a file that was there is kept.
+    """
     text = msgspec.json.format(msgspec.json.encode(found), indent=1)
-    Path(file).write_bytes(text + b"\n")
+    with file_errors(file, "written", LibraryError):
+        replace_file(Path(file), text + b"\n")
 
 
 def load_get_up(file: str | Path, robot: Robot) -> GetUp:

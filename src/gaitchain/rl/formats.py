@@ -4,12 +4,14 @@ import json
 import pickle
 import re
 from collections.abc import Callable, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gaitchain.errors import CommandError, file_errors
+from gaitchain.gait.whole_file import replace_file
 from gaitchain.messages import Array
 from gaitchain.rl.cycle import best_degree, fit_polynomials, mean_cycle, mean_period
 from gaitchain.rl.frames import Motion
@@ -48,9 +50,9 @@ def write_csv(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Path]:
         columns = m.time, m.phase, m.qpos, m.qvel, m.contact, m.target
         table = np.column_stack(columns)
         path = to / f"motion_{number:03d}.csv"
-        with file_errors(path, "written", CommandError):
-            np.savetxt(path, table, "%.9g", ",", header=",".join(heads), comments="")
-        written.append(path)
+        data = BytesIO()
+        np.savetxt(data, table, "%.9g", ",", header=",".join(heads), comments="")
+        written.append(_write(path, data.getvalue()))
     return [*written, _write_index(plan, written, to)]
 
 
@@ -99,8 +101,7 @@ def write_open_duck(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Pat
     for asked, cycle in zip(plan.commands, cycles, strict=True):
         key = "_".join(f"{value:.3f}" for value in asked.wanted.motion)
         found[key] = _polynomials(cycle.rows, degree, frames)
-    with file_errors(to, "written", CommandError), to.open("wb") as file:
-        pickle.dump(found, file)
+    _write(to, pickle.dumps(found))
     beside = to.with_suffix(".json")
     about = {
         "joints": plan.names[0],
@@ -110,9 +111,7 @@ def write_open_duck(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Pat
         "walked": [list(asked.command.motion) for asked in plan.commands],
         "motions": found,
     }
-    with file_errors(beside, "written", CommandError):
-        beside.write_text(json.dumps(about), "utf-8")
-    return [to, beside]
+    return [to, _write(beside, json.dumps(about).encode())]
 
 
 def _cycle_frames(cycle_s: float) -> int:
@@ -150,9 +149,15 @@ def _names(plan: Plan) -> dict[str, Array]:
 
 
 def _save(path: Path, arrays: dict[str, Array]) -> Path:
-    # Opened here, as numpy would add a suffix of its own.
-    with file_errors(path, "written", CommandError), path.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays)
+    data = BytesIO()
+    np.savez_compressed(data, allow_pickle=False, **arrays)
+    return _write(path, data.getvalue())
+
+
+def _write(path: Path, data: bytes) -> Path:
+    """Write a file as a whole: readers would take a part of one for all of it."""
+    with file_errors(path, "written", CommandError):
+        replace_file(path, data)
     return path
 
 
@@ -178,9 +183,7 @@ def _write_index(plan: Plan, written: Sequence[Path], to: Path) -> Path:
     lines = [_INDEX_HEADS]
     for file, asked in zip(written, plan.commands, strict=True):
         lines.append(",".join([file.name, *(f"{v:.6f}" for v in asked.command.motion)]))
-    with file_errors(path, "written", CommandError):
-        path.write_text("\n".join(lines) + "\n", "utf-8")
-    return path
+    return _write(path, "\n".join([*lines, ""]).encode())
 
 
 def _one_cycle(plan: Plan) -> float:
