@@ -1,5 +1,6 @@
 """A loop that gets a robot up: OP3 in its own model, by a way that was found for it."""
 
+import math
 import os
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from gaitchain.live.messages import (
 )
 from gaitchain.sim.world import World
 from gaitchain.walker.riser import TRIES, Riser
+from gaitchain.walker.waypoints import Place
 
 SHARED = Path(__file__).parents[3] / "shared" / "robots"
 FILE = Path(os.environ.get("MENAGERIE_ROOT") or SHARED) / "robotis_op3/op3.xml"
@@ -80,6 +82,38 @@ def test_it_gets_up_from_where_it_fell_and_stands(op3, direction_deg, side):
     ]
     reasons = {told.reason for told in op3.port.told}
     assert f"getting up from the {side}, try 1 of 3" in reasons
+
+
+def stood_at(live):
+    """Return the middle between the feet, and the heading, as the simulator has it."""
+    bodies = [live.robot.data.body(f"{side}_ank_roll_link") for side in "lr"]
+    x, y, _ = np.mean([body.xpos for body in bodies], axis=0)
+    ahead = live.robot.data.body("body_link").xmat.reshape(3, 3)[:, 0]
+    return Place(float(x), float(y), math.atan2(ahead[1], ahead[0]))
+
+
+@pytest.mark.slow
+def test_its_place_goes_on_from_where_it_fell(op3):
+    """It falls aside, and turns by more than a right angle."""
+    walker = op3.loop.modes._walker
+    walker.keep_odometry()
+    op3.run(3.0, drive=(0.15, 0.0, 0.0))
+    began, by_itself, real = op3.last.odometry, op3.last.place, stood_at(op3)
+    assert by_itself.x > 0.2
+    knock_over(op3, 90.0)
+    op3.ask(GetUp("me"))
+    op3.run(LONGEST_S)
+    assert op3.mode is Mode.STANDING
+    told = op3.last.place.seen_from(by_itself)
+    true = stood_at(op3).seen_from(real)
+    assert abs(true.yaw) > 0.3
+    assert told.yaw == pytest.approx(true.yaw, abs=math.radians(3.0))
+    leg = walker.library.robot.reduced.leg_length
+    assert math.hypot(told.x, told.y) < 0.5 * leg  # of before the fall
+    assert math.dist(op3.last.odometry.place[:2], op3.last.place[:2]) < 0.5 * leg
+    assert op3.last.odometry.attitude[2] == pytest.approx(op3.last.place.yaw)
+    assert op3.last.odometry.distance >= began.distance
+    assert op3.last.odometry.covariance[0] > began.covariance[0] + (0.4 * leg) ** 2
 
 
 @pytest.mark.slow

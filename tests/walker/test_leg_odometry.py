@@ -83,6 +83,29 @@ def test_a_reset_begins_anew(walk, library):
     assert fresh.distance == 0.0
 
 
+@pytest.mark.parametrize("yaw", [1.5, None])
+def test_after_a_fall_it_goes_on_where_the_feet_were(library, yaw):
+    odometry, legs = LegOdometry(library, 0.01), library.robot.legs
+    stand, leaned = np.asarray(legs.stand), Attitude(pitch=0.7, yaw=0.5)
+    middle = odometry.latest.place[0]  # over the feet, of who stands upright
+    odometry.update(stand, Attitude(yaw=0.5), None)
+    before = odometry.latest
+    odometry.update(stand, leaned, None)
+    assert math.dist(odometry.latest.place[:2], before.place[:2]) > 0.1
+    odometry.rise(yaw)
+    after = odometry.latest
+    assert after.attitude == (0.0, 0.0, 0.5 if yaw is None else yaw)
+    assert math.dist(after.place[:2], (0.0, 0.0)) < 0.1 + abs(middle)
+    unsure = 0.5 * (after.covariance[0] + after.covariance[2])
+    assert math.sqrt(unsure) > 0.3 * library.robot.reduced.leg_length
+    turned = math.sqrt(after.covariance[5])
+    assert (turned < math.radians(5.0)) == (yaw is not None)
+    odometry.rise(yaw)  # and again
+    twice = np.array(odometry.latest.covariance)[[0, 2, 5]]
+    once = np.array(after.covariance)[[0, 2, 5]]
+    assert (twice > 1.8 * once).all()
+
+
 def test_a_foot_that_rolls_over_its_toes_carries_the_trunk(library):
     """The front edge stands still, so the stiff robot turns about it."""
     odometry = LegOdometry(library, 0.01)

@@ -491,6 +491,51 @@ def test_numbers_that_do_not_add_up_raise_no_warning(brisk, values):
     assert np.isfinite(targets.position).all()
 
 
+def test_who_fell_and_is_up_goes_on_from_where_it_was(brisk):
+    """By its place the robot was turned as it lay; the world knows of no turn."""
+    walker, backend = physical(brisk)
+    walker.keep_odometry()
+    drive(walker, backend, SECOND)
+    walker.command(Command(0.3, 0.0, 0.3))
+    drive(walker, backend, 4 * SECOND)
+    before = walker.place
+    assert before.x > 0.5 and before.yaw > 0.5
+    sensors, turning = backend.read(), np.array([0.0, 0.0, 1.0])
+    for _ in range(SECOND):
+        walker.lie(replace(sensors, angular_velocity=turning))
+    walker.command(Command())
+    walker.reset(fell=True)
+    here, odometry = walker.place, walker.odometry
+    assert here[:2] == pytest.approx(before[:2])
+    assert here.yaw == pytest.approx(before.yaw + 1.0, abs=0.1)
+    assert odometry.attitude[2] == pytest.approx(here.yaw)
+    assert np.hypot(*np.subtract(odometry.place[:2], here[:2])) < 0.1
+    left, right = walker.feet
+    assert left.seen_from(here).y == pytest.approx(-right.seen_from(here).y)
+    backend.connect(walker.stand)
+    drive(walker, backend, SECOND)
+    goal = here.moved(0.4, 0.0)
+    walker.go_to(goal)
+    drive(walker, backend, 5 * SECOND)
+    off = goal.seen_from(walker.place)
+    assert np.hypot(off.x, off.y) < 0.03 and abs(off.yaw) < 0.05
+    moved = backend.data.qpos[:2]
+    np.testing.assert_allclose(moved, [0.4, 0.0], atol=0.1)  # straight ahead of it
+    walker.reset()
+    assert walker.place == (0.0, 0.0, 0.0)
+    assert walker.odometry.distance == 0.0
+
+
+def test_a_gyro_that_is_lost_as_it_lies_leaves_the_heading(brisk):
+    walker, backend = physical(brisk)
+    drive(walker, backend, SECOND)
+    before, nothing = walker.place, np.full(3, np.nan)
+    for _ in range(SECOND):
+        walker.lie(replace(backend.read(), angular_velocity=nothing))
+    walker.reset(fell=True)
+    assert walker.place == before
+
+
 def test_with_feedback_a_tilt_changes_the_targets(brisk):
     paths = []
     for rate in (0.0, 0.3):

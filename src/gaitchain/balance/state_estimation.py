@@ -63,6 +63,11 @@ class StateEstimator:
         )
         self._unlooked = self._unweighed = 0
 
+    @property
+    def gyro_bias(self) -> Array:
+        """(3,) of the gyro [rad/s]."""
+        return self._vertical.bias.copy()
+
     def leave_stand(self) -> None:
         """Give what standing showed less weight the next time."""
         self._vertical.leave_stand()

@@ -139,6 +139,11 @@ class WalkController:
         return Effort(self._memory.rates.copy(), self._memory.torques.copy())
 
     @property
+    def gyro_bias(self) -> Array:
+        """(3,) of the gyro, as stands and support feet showed it [rad/s]."""
+        return self._estimator.gyro_bias
+
+    @property
     def zmp(self) -> Array:
         """(2,) ZMP that the latest targets are to produce, step frame [m]."""
         return np.array(self._sole_zmp)

@@ -80,6 +80,7 @@ class ControlLoop:
         self._guard = Guard(legs, has_imu=self._has_imu, bounds=bounds)
         self._times_connected = self.modes.times_connected
         self._blank = _nothing(len(legs.joint_names))
+        self._read = self._blank
         self._sensors: Sensors | None = None
         self._lost = self._unsent = self._muted = ""
         self._unsent_s = self._limp_s = 0.0
@@ -133,6 +134,7 @@ class ControlLoop:
         self.modes.expire(now_s)
         trouble = self._sense(elapsed_s)
         self.modes.act(self._sensors, trouble, now_s)
+        self.modes.lie(self._read)
         self._write(elapsed_s)
         self.modes.note_punches()
         self._publish()
@@ -140,15 +142,15 @@ class ControlLoop:
     def _sense(self, elapsed_s: float) -> Trouble | None:
         """Read, mend what is missing, and let the guard judge it."""
         self._begin_anew()
-        read = self._blank
+        self._read = self._blank
         try:
-            read = self._backend.read()
+            self._read = self._backend.read()
         except BackendError as error:
             self._events.add_spell("link", str(error))
             self._lost = str(error)
         else:
             self._lost = ""
-        self._sensors = self._guard.mend(read, elapsed_s)
+        self._sensors = self._guard.mend(self._read, elapsed_s)
         if self.modes.mode in LIMP:
             return None
         found = self._judge(self._sensors, elapsed_s)

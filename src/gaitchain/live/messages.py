@@ -202,7 +202,8 @@ class LoopState(msgspec.Struct, frozen=True, kw_only=True):
     """Where a log is that is played in place of a loop; None for a loop."""
     place: Place | None = None
     """Middle between the feet, and heading, from where the robot stood at its start or
-    last reset, as its own steps tell [m, m, rad]; None by key poses."""
+    last reset, as its own steps tell [m, m, rad]; None by key poses. Of a robot that
+    got up it goes on from where it fell."""
     feet: tuple[Place, Place] | None = None
     """Left and right ankle, in the same frame."""
     going: Going | None = None

@@ -42,6 +42,7 @@ _DriverAsks = (
     | ask.Errand
 )
 _STOPPED = "a stop is in force; send a zero command first"
+_LYING = (Mode.STOPPED, Mode.GETTING_UP, Mode.RISING)
 BALANCED = (Mode.STANDING, Mode.WALKING)
 """Modes in which the walker balances the robot."""
 _FROM = {
@@ -98,6 +99,7 @@ class ModeMachine:
         self._stand = walker.standing_targets.position
         self._move, self._moved_s = SmoothMove(self.target, self._stand), 0.0
         self._stood_s = 0.0
+        self._rose = False  # from a fall: its place goes on
         self.times_connected = 0
         """How often the robot was connected or started anew."""
         self._connected = connected
@@ -170,6 +172,15 @@ class ModeMachine:
             self._walk(sensors, now_s)
         elif trouble is None:
             self._move_on(now_s)
+
+    def lie(self, read: Sensors) -> None:
+        """Let the walker follow how a robot turns that fell, or gets up.
+
+        Args:
+            read: as measured, NaN or absurd where nothing sound came.
+        """
+        if self.mode in _LYING:
+            self._walker.lie(read)
 
     # Requests.
 
@@ -246,6 +257,7 @@ class ModeMachine:
         self.target = np.array(here)
         self.times_connected += 1
         self._move_from(self.target)
+        self._rose = False
         self._enter(Mode.RISING, "slowly to the standing pose")
 
     @property
@@ -336,6 +348,7 @@ class ModeMachine:
             return
         self._backoff.cancel()
         self._walker.reset()
+        self._rose = False
         self.times_connected += 1
         held, self.held = self.held, None
         if held is not None:
@@ -383,7 +396,7 @@ class ModeMachine:
         self._moved_s += self._period_s
         self._aim(self._move.at(self._moved_s))
         if self.mode is Mode.RISING and self._move.done(self._moved_s - SETTLE_S):
-            self._walker.reset()
+            self._walker.reset(fell=self._rose)
             self._tell(Command())
             self.command = self._walker.commanded
             self._enter(Mode.STANDING, "")
@@ -403,6 +416,7 @@ class ModeMachine:
             self.up.end()
             self.times_connected += 1  # the guard begins anew
             self._move_from(self.target)
+            self._rose = True
             self._enter(Mode.RISING, "up again")
 
     def _walk(self, sensors: Sensors, now_s: float) -> None:

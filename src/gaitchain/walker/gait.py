@@ -5,6 +5,8 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
+import numpy as np
+
 from gaitchain.balance.state import Attitude
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
@@ -18,7 +20,7 @@ from gaitchain.messages import (
 )
 from gaitchain.walker.generator import ChainState, Decision, Generator
 from gaitchain.walker.policy_table import Policy
-from gaitchain.walker.waypoints import Place
+from gaitchain.walker.waypoints import ORIGIN, Place
 
 if TYPE_CHECKING:  # which is machine code, a gait's record is not
     from gaitchain.balance.feedforward import Effort
@@ -92,8 +94,12 @@ class Gait(ABC):
     ) -> None:
         """Set up what the family needs from the library; `reset` is called next."""
 
-    def reset(self) -> None:
-        """Return to the standing state before the first `step`; keep the commands."""
+    def reset(self, at: Place = ORIGIN) -> None:
+        """Return to the standing state before the first `step`; keep the commands.
+
+        Args:
+            at: where the robot stands, for a gait that measures it.
+        """
         self.state, self.decision, self.ended = ChainState(), None, None
         self._panel: PanelMessage | None = None
         self._make_panel: Callable[[], PanelMessage] | None = None
@@ -198,6 +204,11 @@ class Gait(ABC):
     @abstractmethod
     def estimate(self) -> Attitude | None:
         """Estimated orientation of the trunk; None if the gait does not estimate it."""
+
+    @property
+    def gyro_bias(self) -> Array:
+        """(3,) that the estimate has found of the gyro [rad/s]."""
+        return np.zeros(3)
 
     @property
     def place(self) -> Place | None:

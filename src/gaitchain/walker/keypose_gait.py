@@ -20,6 +20,7 @@ from gaitchain.walker.gait import Gait
 from gaitchain.walker.generator import ChainState, Decision
 from gaitchain.walker.keypose_feedback import AnkleBalance, make_balance
 from gaitchain.walker.keypose_generator import KeyposeGenerator
+from gaitchain.walker.waypoints import ORIGIN, Place
 
 # Sums of control periods have rounding errors: a key moment this close is reached [s].
 _TIME_SLACK_S = 1e-6
@@ -43,9 +44,9 @@ class KeyposeGait(Gait):
         lead = KeyposeLead(library.robot, self._rest, period_s)
         self._stand = lead.targets(self._rest, left=True)
 
-    def reset(self) -> None:
-        """See `Gait.reset`."""
-        super().reset()
+    def reset(self, at: Place = ORIGIN) -> None:
+        """See `Gait.reset`; where it stands is not measured."""
+        super().reset(at)
         self._lead = KeyposeLead(self._poses.robot, self._rest, self._period_s)
         self._balance = self._make_balance() if self._feedback else None
         self._started = False

@@ -24,6 +24,7 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import Array
 from gaitchain.walker.odometry import Odometry
+from gaitchain.walker.waypoints import ORIGIN, Place
 
 _SMOOTH_S = 0.03  # time constant of the velocity
 # Drift of RES, OP3, T1 and Talos in simulation, by benchmarks/odometry_drift.py --seed
@@ -41,6 +42,15 @@ FACING = math.radians(0.1)
 """Of the heading before the first step [rad]."""
 STANDING = 0.005
 """Of the place before the first step: how well the soles are known to stand [m]."""
+# Root mean squares of 48 falls of OP3 in its own model, which was pushed from all
+# sides as it stood or walked; with a gyro of 0.01 rad/s bias and noise.
+FALL = 0.9
+"""Of the place after a fall and a way up, as a part of the leg, along each axis."""
+FALL_GYRO = math.radians(1.6)
+"""Of the heading after that, by the gyro [rad]."""
+FALL_YAW = math.radians(55.0)
+"""The same without one: it turned by as much [rad]."""
+_SOURCES = 4  # of drift
 _STANDS = {
     Support.LEFT_SINGLE: 0,
     Support.LEFT_TO_RIGHT: 0,
@@ -61,6 +71,7 @@ class LegOdometry:
             period_s: between two calls of `update` [s].
         """
         robot = library.robot
+        self._leg = robot.reduced.leg_length
         self._legs, self._period_s = legs_of(robot), period_s
         self._slide, self._step_s = library.slides.trunk, library.timing.step
         self._stand = np.asarray(robot.legs.stand, dtype=float)
@@ -70,17 +81,36 @@ class LegOdometry:
 
     def reset(self) -> None:
         """Stand at the origin again."""
+        self._distance = 0.0
+        # How the place and heading change with what may be off: scale, veer, turns,
+        # what moves the trunk aside, and x, y and heading where a fall ended.
+        self._effect = np.zeros((_SOURCES + 3, 3))
+        self._begin(ORIGIN)
+
+    def rise(self, yaw: float | None) -> None:
+        """Stand again, where the robot fell: the feet's middle is that of before.
+
+        Args:
+            yaw: heading now; None where nothing measured it, then that of before [rad].
+        """
+        x, y, _ = (self._place + self._ankles.mean(axis=0)).tolist()
+        turned = FALL_YAW if yaw is None else FALL_GYRO
+        off = np.array([FALL * self._leg, FALL * self._leg, turned])
+        falls = self._effect[_SOURCES:]
+        # Errors of falls are independent; three rows say the same of all of them.
+        both = falls.T @ falls + np.diag(off**2)
+        self._effect[_SOURCES:] = np.linalg.cholesky(both).T
+        self._begin(Place(x, y, self._attitude.yaw if yaw is None else yaw))
+
+    def _begin(self, at: Place) -> None:
+        """Stand with the middle between the feet at a place."""
         self._place, self._velocity = np.zeros(3), np.zeros(3)
         self._step_way = np.zeros(2)  # usual of a step now, in the trunk's heading
-        self._distance = 0.0
         self._both = self._late = 0  # periods
-        # How the place and heading change with what may be off: scale, veer, turns,
-        # and what moves the trunk aside.
-        self._effect = np.zeros((4, 3))
-        self._attitude = Attitude()
+        self._attitude = Attitude(yaw=at.yaw)
         self._pivots, self._turn = np.zeros((2, 3)), np.eye(3)
         feet, ankles = self._located(self._stand, self._attitude)
-        self._place[:2] = -ankles[:, :2].mean(axis=0)
+        self._place[:2] = (at.x, at.y) - ankles[:, :2].mean(axis=0)
         self._settle(feet, ankles)
 
     def update(
@@ -177,6 +207,7 @@ class LegOdometry:
         self._pivots[:, 2] = -legs.ankle_height
         self._points = ankles + np.einsum("fij,fj->fi", feet, self._pivots)
         self._place[2] = -self._points[:, 2].min()
+        self._ankles = ankles
 
     def _grow(self, way: Array, turned: float) -> None:
         """Let the errors grow: d(x, y) = R(yaw) way, d yaw; each with its own rate."""

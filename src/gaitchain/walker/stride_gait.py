@@ -21,7 +21,7 @@ from gaitchain.walker.generator import ChainState
 from gaitchain.walker.step_size import StepSize
 from gaitchain.walker.stride_generator import StrideGenerator
 from gaitchain.walker.stride_setup import make_walk
-from gaitchain.walker.waypoints import Place
+from gaitchain.walker.waypoints import ORIGIN, Place
 
 _NOTED = 0.9  # of the command: smaller reductions are not reported
 _SMALLEST = 0.01  # part of a command that is left: nothing at all would be a stop
@@ -47,10 +47,11 @@ class StrideGait(Gait):
             library.recovery if feedback else None, errors_of(library.usual_spread)
         )
 
-    def reset(self) -> None:
+    def reset(self, at: Place = ORIGIN) -> None:
         """See `Gait.reset`."""
-        super().reset()
+        super().reset(at)
         self._walk.reset()
+        self._walk.attitude = Attitude(yaw=at.yaw)
         self.step_size.reset()
         self._carried_out = 1.0  # part of the command
         self._room = 1.0  # the same, for what the legs can do in a crouch
@@ -62,7 +63,7 @@ class StrideGait(Gait):
         self._ticks = 0  # control periods since the latest step began
         self._stood = 0  # control periods on a stop with a command to come
         half = 0.5 * self._poses.stance
-        self._feet = {1.0: Place(y=half), -1.0: Place(y=-half)}  # by `side`
+        self._feet = {side: at.moved(0.0, side * half) for side in (1.0, -1.0)}
         self._counted = self._walk.step
         self._footsteps = deque[Footstep]()
 
@@ -113,6 +114,11 @@ class StrideGait(Gait):
     def estimate(self) -> Attitude:
         """Estimated orientation of the trunk."""
         return self._walk.attitude
+
+    @property
+    def gyro_bias(self) -> Array:
+        """See `Gait.gyro_bias`."""
+        return self._walk.gyro_bias
 
     @property
     def planned_zmp(self) -> Array | None:

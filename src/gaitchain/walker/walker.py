@@ -31,6 +31,7 @@ from gaitchain.walker.footsteps import Footstep
 from gaitchain.walker.generator import Decision
 from gaitchain.walker.keypose_gait import KeyposeGait
 from gaitchain.walker.leg_odometry import LegOdometry
+from gaitchain.walker.lying import Lying
 from gaitchain.walker.motor_targets import MotorForm
 from gaitchain.walker.mounting import Mounting
 from gaitchain.walker.odometry import Odometry
@@ -45,7 +46,7 @@ from gaitchain.walker.sensor_check import (
 from gaitchain.walker.stride_gait import StrideGait
 from gaitchain.walker.target_check import TargetCheck
 from gaitchain.walker.warm_up import warm_up
-from gaitchain.walker.waypoints import Near, Place, Way, check_way
+from gaitchain.walker.waypoints import ORIGIN, Near, Place, Way, check_way
 
 _LIMITS = np.array(list(LIMITS.values()))
 _GAITS: dict[str, type[KeyposeGait] | type[StrideGait]] = {
@@ -119,6 +120,7 @@ class Walker:
         self._good: Sensors | None = None
         self._way: Way | None = None
         self._odometry: LegOdometry | None = None
+        self._lying: Lying | None = None
 
     @classmethod
     def load(
@@ -141,20 +143,50 @@ class Walker:
         """
         return cls(load_library(path, robot), policy, **options)
 
-    def reset(self) -> None:
+    def reset(self, *, fell: bool = False) -> None:
         """Return to the standing state before the first `step`; keep the commands.
 
-        The robot's place is where it stands now, so a way to another one ends, and its
-        command with it.
+        A way to a place ends, and its command with it.
+
+        Args:
+            fell: whether its place goes on, as of a robot that fell and got up: the
+                feet's middle is that of before the fall, and the heading by the gyro,
+                where `lie` was called since then. By default the place begins anew,
+                where the robot stands now.
         """
         if self._way is not None:
             self.gait.command(self.gait.commanded.halted)
-        self.gait.reset()
+        here = self.place or ORIGIN
+        yaw = None if self._lying is None else self._lying.yaw
+        if fell:
+            self.gait.reset(here if yaw is None else here._replace(yaw=yaw))
+        else:
+            self.gait.reset()
         self._gyro_check = GyroCheck()
-        self._good = None
-        self._way = None
-        if self._odometry is not None:
+        self._good = self._way = self._lying = None
+        if self._odometry is not None and fell:
+            self._odometry.rise(yaw)
+        elif self._odometry is not None:
             self._odometry.reset()
+
+    def lie(self, sensors: Sensors) -> None:
+        """Follow the heading of a robot that nobody balances, as it falls and lies.
+
+        Called in place of `step`, once per control period, until `reset` with `fell`.
+
+        Args:
+            sensors: as for `step`.
+
+        Raises:
+            CommandError: an array has the wrong size; the walker's state is unchanged.
+        """
+        sensors, estimate = self._taken(sensors), self.gait.estimate
+        if estimate is None or self.place is None:
+            return
+        if self._lying is None:
+            self._lying = Lying(estimate, self.gait.gyro_bias, self.period_s)
+        believed, bad = self._believed(sensors)
+        self._lying.feel(believed, measured="angular_velocity" not in bad)
 
     def keep_odometry(self) -> None:
         """Keep up `odometry` from the next `step` on; key poses have none."""
@@ -266,12 +298,14 @@ class Walker:
         Raises:
             CommandError: an array has the wrong size; the walker's state is unchanged.
         """
+        return self._sent(self._step(self._taken(sensors)))
+
+    def _taken(self, sensors: Sensors) -> Sensors:
+        """Return sensors as the library has them."""
         taken = self._sensor_check.taken(sensors)
         if self._map is not None:
             taken = self._map.sensed(taken)
-        if self._mounting is not None:
-            taken = self._mounting.sensed(taken)
-        return self._sent(self._step(taken))
+        return taken if self._mounting is None else self._mounting.sensed(taken)
 
     def _sent(self, targets: JointTargets) -> JointTargets:
         """Return targets as the robot's servos take them, in its own order."""
@@ -281,6 +315,7 @@ class Walker:
 
     def _step(self, sensors: Sensors) -> JointTargets:
         """Do the same with the joints as the library has them."""
+        self._lying = None
         if self._way is not None and (place := self.stop_place) is not None:
             way, stepping = self._way, self.gait.stepping
             self.gait.command(way.command(place, stepping=stepping))
@@ -349,7 +384,8 @@ class Walker:
         """Where the robot is by its own steps, from where it stood at the start.
 
         Each step as the legs and the gyro measured it, and what feet usually slide in
-        it, added up: it drifts. None for a library of key poses.
+        it, added up: it drifts. After a fall see `reset`. None for a library of key
+        poses.
         """
         return self.gait.place
 

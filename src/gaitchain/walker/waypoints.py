@@ -40,6 +40,8 @@ class Place(NamedTuple):
         )
 
 
+ORIGIN = Place()
+"""Where a robot stands at its start."""
 _SLOW = 2.0  # steps: the rest of a way is made in no less
 _NEAR, _NEAR_TURN = 0.02, math.radians(2.0)  # of the leg
 _SURELY = 0.5  # of what is near enough: there a robot stops
