@@ -1,5 +1,6 @@
 """Work in pieces: what is finished is kept, and an interrupted build goes on."""
 
+import json
 import math
 import os
 
@@ -55,7 +56,9 @@ def test_the_journal_keeps_what_is_finished(tmp_path):
     assert not again.path.exists()
 
 
-@pytest.mark.parametrize("torn", [b"[[0, 5], [[0, 1", b"[[0, 5], []]", b"\x80\n"])
+@pytest.mark.parametrize(
+    "torn", [b"[[0, 5], [[0, 1", b"[[0, 5], []]", b"\x80\n", b"[" * 100_000 + b"\n"]
+)
 def test_a_torn_last_line_is_dropped(tmp_path, torn):
     with journal_of(tmp_path, 1) as journal:
         journal.add([1])
@@ -127,6 +130,18 @@ def test_a_journal_remembers_by_what_its_results_were_judged(tmp_path):
     assert judged([0.3, 0.9], []) == ([[0.2, 0.9]], [[1], [2]])
     assert judged([0.2, 0.9], [[3]]) == ([[0.3, 0.9]], [[1], [2]])
     assert judged([0.4, 0.9], []) == ([[0.3, 0.9], [0.2, 0.9]], [[1], [2], [3]])
+
+
+@pytest.mark.parametrize("criteria", [5, None, "a", {"b": 1}])
+def test_criteria_that_are_none_are_not_remembered(tmp_path, criteria):
+    with journal_of(tmp_path, 1) as journal:
+        journal.add([1])
+    header, piece = journal.path.read_bytes().splitlines()
+    damaged = json.dumps(json.loads(header) | {"criteria": criteria}).encode()
+    journal.path.write_bytes(damaged + b"\n" + piece + b"\n")
+    with journal_of(tmp_path, 1) as journal:
+        assert journal.criteria == []
+        assert journal.found == [[1]]
 
 
 def test_two_runs_at_once_do_not_share_a_journal(tmp_path):

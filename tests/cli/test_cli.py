@@ -862,6 +862,18 @@ def test_a_kept_library_is_of_this_config_and_this_code(
             cached_library(replace(config, seed=2), path)
         assert path.read_bytes() == content
     assert len(built) == 3
+    path.write_bytes(mine)
+    note = path.with_name("res.gait.made-by")
+    note.write_bytes(b"\xff\xfe" * 40)
+    with pytest.raises(LibraryError, match="so it stays: name it as the library"):
+        cached_library(config, path)
+    note.unlink()
+    note.mkdir()
+    with pytest.raises(LibraryError, match="so it stays: name it as the library"):
+        cached_library(config, path)
+    path.unlink()
+    with pytest.raises(CommandError, match="made-by: cannot be written: Is a dir"):
+        cached_library(config, path)
 
 
 def test_the_code_that_builds_has_a_digest_of_its_own(tmp_path, monkeypatch):

@@ -73,8 +73,9 @@ class Journal:
             self.found.append(piece)
             self._ends.append(self._ends[-1] + len(line))
         if self.found:
-            kept = header.get("criteria", [])
-            self.criteria = [known for known in kept if known != self._criterion]
+            kept = header.get("criteria")
+            known = kept if isinstance(kept, list) else []  # else it is damaged
+            self.criteria = [one for one in known if one != self._criterion]
         self.greeting = f"{self.path}: going on after {len(self.found)} finished pieces"
 
     def _unused(self) -> Path:
@@ -183,8 +184,8 @@ def _line(value: object) -> bytes:
 
 
 def _parsed(line: bytes) -> Any:
-    """Parse a line; None if it is incomplete."""
+    """Parse a line; None if it is incomplete or damaged."""
     try:
         return json.loads(line) if line.endswith(b"\n") else None
-    except ValueError:
+    except (ValueError, RecursionError):
         return None

@@ -23,10 +23,17 @@ from gaitchain.cli.console import (
 )
 from gaitchain.cli.options import Build
 from gaitchain.discover.loaded_robot import load_robot, robot_file
-from gaitchain.errors import GaitchainError, LibraryError, UnfinishedError
+from gaitchain.errors import (
+    CommandError,
+    GaitchainError,
+    LibraryError,
+    UnfinishedError,
+    file_errors,
+)
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library, save_library
+from gaitchain.gait.whole_file import replace_file
 from gaitchain.robot.robot import Robot
 
 _CONFIGURED = {field.name for field in fields(BuildConfig)}
@@ -153,14 +160,15 @@ def cached_library(
             say(f"{path}: built earlier from this config")
             return library, 0.0
     library, _, elapsed_s = _build(config, path, workers, robot)
-    _made_by(path).write_text(f"{code_digest()} {_digest(path)}\n")
+    note = _made_by(path)
+    with file_errors(note, "written", CommandError):
+        replace_file(note, f"{code_digest()} {_digest(path)}\n".encode())
     return library, elapsed_s
 
 
 def _earlier(config: BuildConfig, path: Path, robot: Robot) -> GaitLibrary | None:
     """Return the library of a file if it fits; None if it is to be built again."""
-    note = _made_by(path)
-    code, built = [*(note.read_text().split() if note.exists() else ()), "", ""][:2]
+    code, built = [*_noted(path), "", ""][:2]
     try:
         library = load_library(path, robot)
     except LibraryError as error:
@@ -177,6 +185,14 @@ def _earlier(config: BuildConfig, path: Path, robot: Robot) -> GaitLibrary | Non
         )
     say(f"building again: {why}")
     return None
+
+
+def _noted(path: Path) -> list[str]:
+    """Return the hashes beside a library; none where nothing says who built it."""
+    try:
+        return _made_by(path).read_text("utf-8", errors="replace").split()
+    except OSError:
+        return []
 
 
 def _made_by(path: Path) -> Path:
