@@ -876,6 +876,16 @@ def test_a_kept_library_is_of_this_config_and_this_code(
         cached_library(config, path)
 
 
+@pytest.mark.parametrize("verb", ["walk", "serve", "trial", "qualify", "push"])
+def test_a_device_is_no_library(verb, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    output = ["-o", "x.gait"] if verb == "qualify" else []
+    code, _, error = call(capsys, verb, os.devnull, *output)
+    assert code == 2
+    (line,) = error.splitlines()
+    assert line.startswith(f"gaitchain: {os.devnull}: cannot be read: it is no regular")
+
+
 def test_the_code_that_builds_has_a_digest_of_its_own(tmp_path, monkeypatch):
     def digest():
         code_digest.cache_clear()

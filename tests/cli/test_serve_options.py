@@ -2,8 +2,10 @@
 
 import io
 import json
+import os
 import re
 import sys
+from pathlib import Path
 
 import pytest
 from commands import call
@@ -151,6 +153,32 @@ def test_an_empty_token_is_no_leave_to_serve_without_one(
     assert code == 2
     assert f"the token: {says}; give 8 or more ASCII characters" in error
     assert begun == []
+
+
+@pytest.mark.parametrize("line", [b"a" * 5000, bytes(5000), b"a\tb\tc\td\te"])
+def test_a_token_is_a_short_line_of_what_can_be_typed(
+    line, begun, monkeypatch, tmp_path, capsys
+):
+    """A device or a wrong file has no end, or no line."""
+    (tmp_path / "token").write_bytes(line)
+    monkeypatch.setattr(sys, "stdin", io.StringIO(line.decode()))
+    for file in "token", "-":
+        code, _, error = call(capsys, "serve", "--no-log", "--token-file", file)
+        assert code == 2
+        assert "the token: 8 to 4096 printable ASCII characters, no blanks" in error
+    assert begun == []
+
+
+@pytest.mark.skipif(not Path("/dev/fd").is_dir(), reason="files of POSIX")
+def test_a_token_may_come_through_a_pipe(begun, capsys):
+    """As from a store of passwords, in a shell by `<(pass show robot)`."""
+    end, begins = os.pipe()
+    os.write(begins, b"a-long-secret\n")
+    os.close(begins)
+    words = "--token-file", f"/dev/fd/{end}"
+    assert call(capsys, "serve", "--no-log", *words)[0] == 0
+    os.close(end)
+    assert begun[0].token == "a-long-secret"
 
 
 @pytest.mark.parametrize("rate", ["99", "30", "20.1", "333", "499"])

@@ -18,6 +18,7 @@ from gaitchain.analysis.record import SUPPORTS, Limit, WalkRecord, joint_names
 from gaitchain.errors import GaitchainError, RecordError, file_errors, names_apart
 from gaitchain.gait.file_kind import other_kind
 from gaitchain.gait.motion import Timing
+from gaitchain.gait.whole_file import read_file, replace_file
 from gaitchain.messages import Command, PanelMessage
 from gaitchain.robot.robot import Robot
 from gaitchain.robot.storage import PREFIX, robot_arrays, robot_facts, robot_from
@@ -26,6 +27,7 @@ from gaitchain.walker.generator import Decision
 SCHEMA = 1
 RECORD = "walk.rec"
 """Name of the record's file in the folder of a walk."""
+_MOST_BYTES = 1_000_000_000  # an hour at 100 Hz has a third
 _KEY = "gaitchain"  # the only metadata entry, as in a library's file
 _UNHEARD_S = 1.0  # from the last row to the fall: a period, more where rows were lost
 _JOINTS, _BASE = -1, 7  # placeholder for 2 n joints; positions of the free joint
@@ -90,7 +92,7 @@ def save_record(record: WalkRecord, path: Path) -> int:
     data = bytes(save(arrays, {_KEY: json.dumps(_header(record), sort_keys=True)}))
     with file_errors(path, "written", RecordError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data)
+        replace_file(path, data)
     return len(data)
 
 
@@ -108,7 +110,7 @@ def load_record(path: Path) -> WalkRecord:
             another schema.
     """
     with file_errors(path, "read", RecordError):
-        data = path.read_bytes()
+        data = read_file(path, _MOST_BYTES)
     arrays, header = _unpack(data, str(path))
     if header.get("schema") != SCHEMA:
         raise RecordError(

@@ -23,6 +23,7 @@ from gaitchain.gait.keypose.table1_closure import Closure, closure_report
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, load_library
 from gaitchain.gait.qualification import CellReport
+from gaitchain.gait.whole_file import open_file
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.robot.reduced_biped import is_boxes, quantity_units
 from gaitchain.robot.robot import Robot
@@ -59,7 +60,7 @@ def _is_library(what: str) -> bool:
     if path.suffix == ".gait":
         return True
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             head = file.read(_PEEK)
     except (OSError, ValueError):
         return False  # a robot's name, or no file: loading the robot then fails

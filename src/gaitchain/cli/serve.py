@@ -27,7 +27,7 @@ from gaitchain.sim.world import SAME_PERIOD, World
 
 _LOGS = Path("runs/serve")
 _SIMULATED_HZ, _MOTOR_HZ = 250.0, 100.0
-_TOKEN = 8  # least number of characters
+_TOKEN, _LONGEST = 8, 4096  # least and most characters
 _VARIABLE = "GAITCHAIN_TOKEN"
 
 
@@ -182,10 +182,13 @@ def _secret(options: Serve) -> tuple[str, str]:
         known = os.environ.get(_VARIABLE)
         return known or "", "" if known is None else f"the variable {_VARIABLE}"
     if str(file) == "-":
-        return sys.stdin.readline().strip(), "the first line of standard input"
-    with file_errors(file, "read", CommandError):
-        text = file.read_text("utf-8", errors="replace")
-    return text.partition("\n")[0].strip(), f"the first line of {file}"
+        return sys.stdin.readline(
+            _LONGEST + 1
+        ).strip(), "the first line of standard input"
+    # Also a pipe, as of `<(pass show robot)`.
+    with file_errors(file, "read", CommandError), file.open("rb") as opened:
+        text = opened.readline(_LONGEST + 1).decode("utf-8", "replace")
+    return text.strip(), f"the first line of {file}"
 
 
 def _token(options: Serve) -> str:
@@ -200,8 +203,11 @@ def _token(options: Serve) -> str:
             f"the token: {where} is empty; give {_TOKEN} or more ASCII characters, "
             "or ask for no token"
         )
-    if token and (len(token) < _TOKEN or not token.isascii() or " " in token):
-        raise CommandError(f"the token: {_TOKEN} or more ASCII characters, no blanks")
+    sound = token.isascii() and token.isprintable() and " " not in token
+    if token and not (sound and _TOKEN <= len(token) <= _LONGEST):
+        raise CommandError(
+            f"the token: {_TOKEN} to {_LONGEST} printable ASCII characters, no blanks"
+        )
     if not token and not is_loopback(options.host):
         raise CommandError(
             f"--host {options.host}: others could drive the robot; give a --token "

@@ -30,7 +30,9 @@ from pathlib import Path
 from typing import Any
 
 from gaitchain.errors import RobotFileError
+from gaitchain.gait.whole_file import read_file
 
+_MOST_BYTES = 1_000_000
 _KEYS = ("forward", "up", "legs", "foot", "sole", "servo", "stand")
 _SIDES = ("left", "right")
 _Range = tuple[float, float, str]  # least, most, unit
@@ -107,7 +109,7 @@ def load_profile(path: str | Path) -> Profile:
             cannot be.
     """
     try:
-        table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        table = tomllib.loads(read_file(Path(path), _MOST_BYTES).decode())
     except OSError as error:
         raise RobotFileError(f"{path}: {error.strerror}; give a TOML file") from None
     except (ValueError, RecursionError) as error:

@@ -8,13 +8,14 @@ import numpy as np
 from msgspec import Meta
 
 from gaitchain.errors import LibraryError, file_errors
-from gaitchain.gait.whole_file import replace_file
+from gaitchain.gait.whole_file import read_file, replace_file
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
 
 Side = Literal["front", "back"]
 """What the robot lies on."""
 SIDES: tuple[Side, ...] = ("front", "back")
+_MOST_BYTES = 10_000_000  # ways of some robots have 20 000
 _Seconds = Annotated[float, Meta(gt=0.0, le=60.0)]
 _Angle = Annotated[float, Meta(ge=-10.0, le=10.0)]
 
@@ -129,9 +130,9 @@ def load_get_up(file: str | Path, robot: Robot) -> GetUp:
 
 
 def _decoded(file: str | Path) -> GetUp:
+    with file_errors(file, "read", LibraryError):
+        data = read_file(Path(file), _MOST_BYTES)
     try:
-        return msgspec.json.decode(Path(file).read_bytes(), type=GetUp)
-    except OSError as error:
-        raise LibraryError(f"{file}: cannot be read: {error.strerror}") from None
+        return msgspec.json.decode(data, type=GetUp)
     except (msgspec.MsgspecError, ValueError) as error:
         raise LibraryError(f"{file}: no file of `gaitchain get-up`: {error}") from None

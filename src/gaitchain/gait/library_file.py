@@ -15,7 +15,7 @@ from safetensors.numpy import load, save
 
 from gaitchain.chain.layered_chain import LayeredChain
 from gaitchain.chain.recovery import Recovery
-from gaitchain.errors import GaitchainError, LibraryError
+from gaitchain.errors import GaitchainError, LibraryError, file_errors
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.families import family_named
@@ -25,13 +25,14 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.qualification import GridVerdict, Qualification
 from gaitchain.gait.slide import Slide, Slides
-from gaitchain.gait.whole_file import replace_file
+from gaitchain.gait.whole_file import read_file, replace_file
 from gaitchain.robot.compare import differences
 from gaitchain.robot.robot import Robot
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 
 SCHEMA = 10
 _KEY = "gaitchain"  # the only metadata entry, as the order of several is not defined
+_MOST_BYTES = 100_000_000  # a library has less than one
 _SHOWN = 4  # differences between robots that an error message names
 # What a header raises that is JSON, but of other types or values than ours.
 _INCONSISTENT = (
@@ -98,10 +99,8 @@ def load_library(path: str | Path, robot: Robot | None = None) -> GaitLibrary:
             another schema, or for another robot; the message names the difference.
     """
     file = Path(path)
-    try:
-        data = file.read_bytes()
-    except OSError as error:
-        raise LibraryError(f"{file}: cannot be read: {error.strerror}") from None
+    with file_errors(file, "read", LibraryError):
+        data = read_file(file, _MOST_BYTES)
     library = parse_library(data, str(file))
     if robot is not None:
         check_robot(library, robot, str(file))

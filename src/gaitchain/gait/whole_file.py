@@ -1,8 +1,48 @@
-"""Write a file as a whole."""
+"""Read and write a file as a whole."""
 
 import contextlib
+import errno
 import os
+import stat
+from io import BufferedReader
 from pathlib import Path
+
+_MEGABYTE = 1_000_000
+_NO_FILE = "it is no regular file; give one, not a device or a pipe"
+
+
+def open_file(path: Path) -> BufferedReader:
+    """Open a regular file to read it: a device may have no end, a pipe no writer.
+
+    Raises:
+        OSError: it cannot be opened, or is no regular file.
+    """
+    kind = path.stat().st_mode  # before it is opened, as that may wait for a writer
+    if not stat.S_ISREG(kind) and not stat.S_ISDIR(kind):
+        raise OSError(errno.EINVAL, _NO_FILE, str(path))
+    return path.open("rb")
+
+
+def read_file(path: Path, most: int) -> bytes:
+    """Read a regular file of a limited size.
+
+    Args:
+        path: the file.
+        most: how large it may be [bytes].
+
+    Raises:
+        OSError: it cannot be read, is no regular file, or larger.
+    """
+    with open_file(path) as file:
+        size = os.fstat(file.fileno()).st_size
+        if size > most:
+            raise OSError(
+                errno.EFBIG,
+                f"it has {size / _MEGABYTE:.1f} MB, such a file at most "
+                f"{most / _MEGABYTE:g}",
+                str(path),
+            )
+        return file.read(most)
 
 
 def replace_file(path: Path, data: bytes) -> None:

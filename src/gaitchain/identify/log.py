@@ -15,7 +15,7 @@ from safetensors.numpy import load, save
 
 from gaitchain.errors import LogError, file_errors
 from gaitchain.gait.file_kind import other_kind
-from gaitchain.gait.whole_file import replace_file
+from gaitchain.gait.whole_file import read_file, replace_file
 from gaitchain.live.exercise import Motion, Support
 from gaitchain.messages import Array
 from gaitchain.walker.sensor_check import ABSURD
@@ -136,13 +136,7 @@ def load_log(path: Path) -> ExerciseLog:
         LogError: the file is missing, damaged, or no log of an exercise.
     """
     with file_errors(path, "read", LogError):
-        size = path.stat().st_size
-        if size > _MOST_BYTES:
-            raise LogError(
-                f"{path}: {size / 1e6:.0f} MB; a log of an exercise has at most "
-                f"{_MOST_BYTES / 1e6:.0f}"
-            )
-        data = path.read_bytes()
+        data = read_file(path, _MOST_BYTES)
     try:
         return _checked(_header_of(data), _arrays_of(data))
     except _MALFORMED as error:

@@ -18,9 +18,10 @@ from gaitchain.backends.dynamixel.calibration import (
     check_robot,
 )
 from gaitchain.errors import CalibrationError, file_errors
-from gaitchain.gait.whole_file import replace_file
+from gaitchain.gait.whole_file import read_file, replace_file
 from gaitchain.robot.robot import Robot
 
+_MOST_BYTES = 1_000_000
 _T = TypeVar("_T", bound=msgspec.Struct)
 _UNITS = {
     "baud": "bit/s",
@@ -45,7 +46,7 @@ def load_calibration(path: Path, robot: Robot | None = None) -> Calibration:
             another robot.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_file(path, _MOST_BYTES).decode()
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not a text file"
         raise CalibrationError(

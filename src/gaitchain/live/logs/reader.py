@@ -16,6 +16,7 @@ from gaitchain.backends.base import truth_sizes
 from gaitchain.errors import LibraryError, LogError, file_errors
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import parse_library
+from gaitchain.gait.whole_file import open_file
 from gaitchain.live.logs import chunks, writer
 from gaitchain.live.logs.gaps import Gaps
 from gaitchain.live.logs.packing import unpack
@@ -162,7 +163,7 @@ def _library(path: Path, data: bytes) -> GaitLibrary:
 
 def _opened(path: Path) -> BufferedReader:
     with file_errors(path, "read", LogError):
-        return path.open("rb")
+        return open_file(path)
 
 
 def _records(file: BufferedReader) -> Iterator[mcap.McapRecord]:
