@@ -100,7 +100,7 @@ def file_errors(path: object, what: str, kind: type[GaitchainError]) -> Iterator
 
     Args:
         path: the file, for the message.
-        what: "read", "written" or "removed".
+        what: "read", "written", "removed" or "found".
         kind: the error to raise.
 
     Raises:

@@ -876,6 +876,34 @@ def test_a_kept_library_is_of_this_config_and_this_code(
         cached_library(config, path)
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        "walk ring",
+        "walk --out ring",
+        "walk res --json ring",
+        "inspect ring",
+        "explain ring",
+        "replay ring",
+        "serve ring",
+        "serve res --log ring.mcap",
+        "export res --to c -o ring",
+        "build res -o ring",
+    ],
+)
+@pytest.mark.skipif(os.name == "nt", reason="links of POSIX")
+def test_a_ring_of_links_is_one_line(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for name in ("ring", "ring.mcap"):
+        Path(name).symlink_to(name)
+    code, _, error = call(capsys, *words.split())
+    assert code == 2
+    (line,) = error.splitlines()
+    name = "ring.mcap" if "ring.mcap" in words else "ring"
+    assert line.startswith(f"gaitchain: {name}: cannot be ")
+    assert "Too many levels of symbolic links" in line
+
+
 @pytest.mark.parametrize("verb", ["walk", "serve", "trial", "qualify", "push"])
 def test_a_device_is_no_library(verb, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

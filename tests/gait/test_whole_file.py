@@ -11,7 +11,7 @@ from gaitchain.discover.profile import load_profile
 from gaitchain.errors import GaitchainError
 from gaitchain.gait.get_up import load_get_up
 from gaitchain.gait.library_file import load_library
-from gaitchain.gait.whole_file import read_file
+from gaitchain.gait.whole_file import read_file, replace_file, resolved
 from gaitchain.identify.log import load_log
 from gaitchain.live.logs.reader import read_log
 from gaitchain.robot.box_robot import load_box_robot
@@ -80,3 +80,9 @@ def test_a_file_of_just_the_size_is_read(tmp_path):
         read_file(path, 4)
     with pytest.raises(IsADirectoryError):
         read_file(tmp_path, 5)
+
+
+def test_a_ring_of_links_is_an_error_of_the_operating_system(ring):
+    for work in (lambda: resolved(ring), lambda: replace_file(ring, b"")):
+        with pytest.raises(OSError, match="Too many levels of symbolic links"):
+            work()

@@ -27,8 +27,9 @@ from rich.text import Text
 from gaitchain.build.progress import Progress
 from gaitchain.cli.endings import interrupts_kept
 from gaitchain.cli.options import ReportOptions
-from gaitchain.errors import CommandError, UnfinishedError
+from gaitchain.errors import CommandError, UnfinishedError, file_errors
 from gaitchain.gait.file_kind import Kind, kind_of
+from gaitchain.gait.whole_file import resolved
 
 _T = TypeVar("_T")
 _STDOUT = Path("-")
@@ -275,17 +276,27 @@ def check_files(written: Iterable[Path | None], read: Iterable[Path | None]) -> 
     Raises:
         CommandError: a file cannot be written, or the command would write over it.
     """
-    taken = {path.resolve() for path in read if path is not None}
+    taken = {file_of(path) for path in read if path is not None}
     for path in written:
         if path is None or path == _STDOUT:
             continue
         check_writable(path)
-        if path.resolve() in taken:
+        if file_of(path) in taken:
             raise CommandError(
                 f"{path}: named twice: this command would write over it; name another "
                 "file"
             )
-        taken.add(path.resolve())
+        taken.add(file_of(path))
+
+
+def file_of(path: Path) -> Path:
+    """Return the absolute path of the file that links lead to.
+
+    Raises:
+        CommandError: they lead in a ring.
+    """
+    with file_errors(path, "found", CommandError):
+        return resolved(path)
 
 
 def check_replaced(path: Path | None, what: str, wanted: Kind | None = None) -> None:

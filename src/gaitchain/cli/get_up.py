@@ -14,6 +14,7 @@ from gaitchain.build.own_model import model_digest, own_model
 from gaitchain.build.workers import available_cores
 from gaitchain.cli.console import (
     check_files,
+    file_of,
     print_table,
     progress,
     resumable,
@@ -77,7 +78,7 @@ def _known(options: Options, subject: Subject) -> GetUp:
     if not ways:
         raise LibraryError(f"{options.ways}: has no way from the {' or '.join(asked)}")
     left = [side for side in known.ways if side not in asked]
-    if left and options.output.resolve() == options.ways.resolve():
+    if left and file_of(options.output) == file_of(options.ways):
         raise CommandError(
             f"{options.output}: would lose its way from the {left[0]}; name another "
             "file with -o, or ask for both sides"

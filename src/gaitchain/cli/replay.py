@@ -3,7 +3,7 @@
 import tempfile
 from pathlib import Path
 
-from gaitchain.cli.console import say
+from gaitchain.cli.console import file_of, say
 from gaitchain.cli.libraries import given_robot
 from gaitchain.cli.options import Replay
 from gaitchain.errors import CommandError
@@ -27,7 +27,7 @@ def run(options: Replay) -> tuple[int, dict[str, str]]:
         settings = Settings(
             library=str(library),
             port=options.port,
-            replay=str(options.log.resolve()),
+            replay=str(file_of(options.log)),
             drawn=options.robot,
             profile=None if options.profile is None else str(options.profile),
         )

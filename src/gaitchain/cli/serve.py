@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gaitchain.backends.ros import check_link
-from gaitchain.cli.console import check_writable, make_folder, say
+from gaitchain.cli.console import check_writable, file_of, make_folder, say
 from gaitchain.cli.libraries import find_library
 from gaitchain.cli.mixtures import refuse
 from gaitchain.cli.options import Serve
@@ -59,7 +59,7 @@ def _settings(options: Serve, library: Path, token: str) -> Settings:
     simulated = options.backend in ("mujoco", "mock") and not options.own_model
     usual_hz = _SIMULATED_HZ if simulated else _MOTOR_HZ
     return Settings(
-        library=str(library.resolve()),
+        library=str(file_of(library)),
         backend=options.backend,
         own_model=_path(options.own_model),
         get_up=_path(options.get_up),
@@ -237,7 +237,7 @@ def _log(options: Serve) -> str | None:
     _check_begun(free)
     if path.exists():
         say(f"{path}: stays as it is; this log is {free}")
-    return str(path.resolve())
+    return str(file_of(path))
 
 
 def _check_begun(log: Path) -> None:

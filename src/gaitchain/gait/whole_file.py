@@ -1,4 +1,4 @@
-"""Read and write a file as a whole."""
+"""Read and write a file as a whole, and find the one that a link leads to."""
 
 import contextlib
 import errno
@@ -45,6 +45,18 @@ def read_file(path: Path, most: int) -> bytes:
         return file.read(most)
 
 
+def resolved(path: Path) -> Path:
+    """Return the absolute path of the file that links lead to.
+
+    Raises:
+        OSError: they lead in a ring.
+    """
+    try:
+        return path.resolve()
+    except RuntimeError:  # Python 3.13 returns it, and opening it fails
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path)) from None
+
+
 def replace_file(path: Path, data: bytes) -> None:
     """Write a file: an existing one is replaced as a whole or kept.
 
@@ -55,7 +67,7 @@ def replace_file(path: Path, data: bytes) -> None:
     Raises:
         OSError: it cannot be written.
     """
-    path = path.resolve()
+    path = resolved(path)
     if path.exists() and not path.is_file():  # a pipe, /dev/null; a folder fails
         path.write_bytes(data)
         return
