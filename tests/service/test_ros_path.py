@@ -62,6 +62,10 @@ def pose(x, y, yaw=0.0, frame=""):
     )
 
 
+def turned_by(**numbers):
+    return ros.PoseStamped(pose=ros.Pose(orientation=ros.Quaternion(**numbers)))
+
+
 def going(*, to=3.0, arrived=False):
     return Going(Place(to), 1, 0, 0.5, 0.0, arrived)
 
@@ -181,7 +185,20 @@ def test_a_command_or_an_empty_path_ends_it(driven):
         (ros.Path(ALONG, (pose(0.0, 0.0), pose(0.0, 0.0), pose(2e3, 0.0))), "pose 3 ("),
         (
             ros.Path(ALONG, (ros.PoseStamped(pose=ros.Pose(orientation=TOO_LARGE)),)),
-            "pose 1 (0.0, 0.0, nan)",
+            "pose 1 has an orientation of length 2e+200, no rotation; its length is 1",
+        ),
+        (ros.Path(ALONG, (turned_by(z=1e200, w=1e200),)), "pose 1 has an orientation"),
+        (
+            ros.Path(ALONG, (turned_by(w=0.0),)),
+            "pose 1 has an orientation of length 0, no",
+        ),
+        (
+            ros.Path(ALONG, (turned_by(z=0.5, w=0.5),)),
+            "pose 1 has an orientation of length 0.707107",
+        ),
+        (
+            ros.Path(ALONG, (turned_by(w=math.nan),)),
+            "pose 1 has an orientation of length nan",
         ),
         (ros.Path(BESIDE, (pose(999.5, 0.0),)), "pose 1 (1.0"),
         (

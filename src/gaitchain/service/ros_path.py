@@ -14,6 +14,7 @@ from gaitchain.walker.waypoints import Place, check_place
 TOPIC = "/gaitchain/path"
 _ODOM, _BASE = ("", "odom"), ("base_link", "base_footprint")
 _APART_M = 0.05  # poses nearer to the one before are left out, but for the last one
+_OFF_UNIT = 0.01  # of the length of a quaternion: numbers of few digits
 _AGAIN_S = 1.0  # the driver is heard at least so often
 _UNHEARD_S = 2.0  # an errand that the loop has not begun by then was refused
 
@@ -121,11 +122,13 @@ def _places(path: ros.Path, here: Place) -> Iterator[Place]:
     """Yield the poses as places.
 
     Raises:
-        CommandError: a pose is in another frame, or no robot is sent so far.
+        CommandError: a pose is in another frame, turned by no rotation, or further than
+            any robot is sent.
     """
     for number, stamped in enumerate(path.poses, start=1):
         frame = stamped.header.frame_id or path.header.frame_id
-        place, name = _place(stamped.pose), f"pose {number}"
+        name = f"pose {number}"
+        place = _place(stamped.pose, name)
         if frame in _BASE:
             moved = here.moved(place.x, place.y)
             place = moved._replace(yaw=here.yaw + place.yaw)
@@ -135,9 +138,14 @@ def _places(path: ros.Path, here: Place) -> Iterator[Place]:
         yield place
 
 
-def _place(pose: ros.Pose) -> Place:
+def _place(pose: ros.Pose, name: str) -> Place:
     q, at = pose.orientation, pose.position
-    # Products, as of a number that is too large ** would raise an error.
+    length = math.hypot(q.x, q.y, q.z, q.w)
+    if not abs(length - 1.0) <= _OFF_UNIT:  # NaN is refused, too
+        raise CommandError(
+            f"{name} has an orientation of length {length:g}, no rotation; its length "
+            "is 1, as z = sin(yaw / 2) and w = cos(yaw / 2) have"
+        )
     across = q.y * q.y + q.z * q.z
     yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * across)
     return Place(at.x, at.y, yaw)
