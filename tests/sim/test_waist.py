@@ -64,6 +64,30 @@ def test_a_flat_trunk_with_a_payload_stays_a_body(payload):
     assert 0.0 < moments[2] <= moments[0] + moments[1] + 1e-12
 
 
+@pytest.mark.parametrize("height", [-0.1, -0.02, 0.0, 0.01])
+def test_a_trunk_at_its_hips_or_below_has_a_waist_that_holds_it(height):
+    """Wherever its CoM is, its upper body stands above the waist on a spring."""
+    legs = replace(SAME.legs, trunk_com=[0.0, 0.0, height])
+    rigid, loose = pair(replace(SAME, legs=legs))
+    upper = loose.body("upper")
+    lever, leg = upper.ipos[2], SAME.reduced.leg_length
+    assert lever >= 0.1 * leg
+    weight = upper.mass[0] * GRAVITY * lever
+    springs = [loose.joint(name).stiffness[0] for name in AXES]
+    np.testing.assert_allclose(springs, 3.0 * weight, rtol=1e-12)
+    (whole, before), (parts, after) = posed(rigid), posed(loose)
+    own = rigid.nv
+    np.testing.assert_allclose(parts[:own, :own], whole, atol=1e-9)
+    np.testing.assert_allclose(after.subtree_com[1], before.subtree_com[1], atol=1e-12)
+
+
+@pytest.mark.parametrize("robot", ROBOTS, ids=["boxes", "skeleton"])
+def test_a_trunk_well_above_its_hips_has_its_waist_at_a_quarter(robot):
+    """To the last bit: finished libraries were walked on it."""
+    rigid, loose = pair(robot)
+    assert loose.body("upper").pos[2] == 0.25 * rigid.body("trunk").ipos[2]
+
+
 @pytest.mark.parametrize("robot", ROBOTS, ids=["boxes", "skeleton"])
 def test_a_payload_taken_up_is_in_both_parts_of_the_trunk(robot):
     """Mass and CoM of all are those of a robot that was built with it."""

@@ -61,7 +61,7 @@ def build_model(
     else:
         add_skeleton(spec, trunk, robot, world)
     shift_com(trunk, world)
-    loosen_waist(trunk, world)
+    loosen_waist(trunk, robot.reduced.leg_length, world)
     add_imu(spec)
     if looks is not None:
         wear(spec, robot, looks)

@@ -17,6 +17,7 @@ from gaitchain.sim.world import World
 
 _UPPER = 0.8  # of the trunk's mass: what is above the waist
 _HEIGHT = 0.25  # of the trunk's CoM above the hips: that of the waist
+_DEPTH = 0.1  # of the leg, at least: the waist below the trunk's CoM
 _ROUND = 0.4  # of the upper body's lever: radius of the lower part, a sphere
 _DAMPING = 0.1  # damping ratio of the upper body on its spring
 _LEAST = 0.1  # of the trunk's moments: the least ones of the upper part
@@ -32,19 +33,22 @@ def trunk_parts(world: World) -> dict[str, float]:
     return {"trunk": 1.0 - _UPPER, "upper": _UPPER}
 
 
-def loosen_waist(trunk: Any, world: World) -> None:
+def loosen_waist(trunk: Any, leg: float, world: World) -> None:
     """Cut the trunk in two parts, if the world's waist gives way.
 
     Args:
         trunk: the body with the free joint, all of its mass in place and its legs
             attached.
+        leg: length of a leg [m]. A waist is below the trunk's CoM, by part of the leg
+            where that CoM is near the hips or below them.
         world: gives the stiffness.
     """
     if math.isinf(world.waist):
         return
     whole, com = _inertia_of(trunk), np.array(trunk.ipos)
     lower, upper = (1.0 - _UPPER) * trunk.mass, _UPPER * trunk.mass
-    waist = np.array([com[0], com[1], _HEIGHT * com[2]])
+    height = min(_HEIGHT * com[2], com[2] - _DEPTH * leg)
+    waist = np.array([com[0], com[1], height])
     above = (com - (1.0 - _UPPER) * waist) / _UPPER - waist
     ball = 0.4 * lower * (_ROUND * above[2]) ** 2 * np.eye(3)
     rest = (
