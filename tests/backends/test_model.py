@@ -269,6 +269,31 @@ def test_set_points_are_what_each_actuator_takes(toy_library, kinds):
         np.testing.assert_allclose(robot.read().joint_position, expected, atol=1e-9)
 
 
+OF_A_RANGE = (  # of 1.6 rad about 0.4 rad: set-points of -1 to 1
+    '<general joint="{}" gear="-2" gainprm="120" biastype="affine" '
+    'biasprm="-60 -75 -1.5" forcerange="-30 30"/>'
+)
+OFFSET = (  # by 0.3 rad
+    '<general joint="{}" gainprm="300" biastype="affine" biasprm="90 -300 -6" '
+    'forcerange="-60 60"/>'
+)
+
+
+@pytest.mark.parametrize("kind", [OF_A_RANGE, OFFSET], ids=["of a range", "offset"])
+def test_servos_whose_set_points_have_another_zero_hold_the_same_angles(
+    toy_library, kind
+):
+    """A constant in their bias moves them; contacts make more of the last digit."""
+    same, stand = standing(toy(), toy_library)
+    robot, _ = standing(with_actuators(kind), toy_library)
+    np.testing.assert_allclose(robot.loads(), 0.0, atol=1e-9)
+    for tick in range(SECOND):
+        for one in (same, robot):
+            one.write(stand + 0.02 * np.sin(0.2 * tick))
+        expected = same.read().joint_position
+        np.testing.assert_allclose(robot.read().joint_position, expected, atol=2e-3)
+
+
 def test_actuators_with_other_gains_become_one_servo(toy_library):
     placeholders = with_actuators(
         DAMPER.replace("6", "0.1"), SERVO_ALONE.replace("300", "1")

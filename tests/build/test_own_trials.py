@@ -1,5 +1,6 @@
 """Trials in a robot's own model, and what the gate says of it."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -217,9 +218,31 @@ def test_what_keeps_the_own_model_from_being_walked_is_known_early(toy_path, rat
     assert own_fault(toy_path, load_robot(toy_path)) == ""
     assert own_fault("res", load_box_robot("res")) == ""
     assert own_fault(rated, load_robot(rated)) == (
-        f"{rated} cannot be simulated as it is: the model's actuator of joint "
-        "'left_knee' takes a speed, not an angle; make it a <position/>"
+        f"A library will not be walked in the robot's own model: {rated} cannot be "
+        "simulated as it is: the model's actuator of joint 'left_knee' takes a speed, "
+        "not an angle; make it a <position/>."
     )
+
+
+@pytest.fixture
+def weak(tmp_path):
+    """The toy with knees that cannot carry it."""
+    file = tmp_path / "weak.xml"
+    knee = r'(<position joint="\w+_knee" .*?)forcerange="-60 60"'
+    file.write_text(re.sub(knee, r'\1forcerange="-1 1"', toy()), "utf-8")
+    return file
+
+
+def test_a_robot_that_falls_as_it_stands_is_told_early(weak, toy_library):
+    """No library of it could be walked; what its file has is for a person to see."""
+    said = own_fault(weak, load_robot(weak))
+    assert re.match(
+        r"In the robot's own model it does nothing but stand and falls, at 0\.\d\d s: "
+        "compare the servos, masses and contacts of the file with what was found",
+        said,
+    ), said
+    walked = replace(toy_library.poses, robot=load_robot(weak))
+    describe_own_model(weak, replace(toy_library, poses=walked))  # that is no error
 
 
 def test_a_build_says_so_before_it_begins(rated, capsys, monkeypatch):
@@ -229,7 +252,7 @@ def test_a_build_says_so_before_it_begins(rated, capsys, monkeypatch):
     monkeypatch.setattr("gaitchain.cli.build.build_library", stop)
     monkeypatch.setenv("COLUMNS", "400")
     _, out, err = call(capsys, "build", rated, "-o", rated.with_suffix(".gait"))
-    assert "it will not be walked in the robot's own model: " in out
+    assert "A library will not be walked in the robot's own model: " in out
     assert "'left_knee' takes a speed" in out and "the build itself" in err
 
 

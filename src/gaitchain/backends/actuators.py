@@ -68,8 +68,27 @@ def joint_servo(model: Any, actuators: Array) -> Servo:
     )
 
 
-def set_point_ratios(model: Any, actuators: Array) -> Array:
-    """Return by what joint angles are multiplied for the set-points of servos.
+class SetPoints(NamedTuple):
+    """How servos are told joint angles: scale * angle + offset."""
+
+    scale: Array
+    """(n,) set-point by joint angle; not 1 where there are gears, degrees or shares of
+    a range."""
+    offset: Array
+    """(n,) set-point of the joint's angle 0."""
+
+    def of(self, angles: Array) -> Array:
+        """Return the set-points of joint angles (n,) [rad]."""
+        return np.asarray(self.scale * angles + self.offset)
+
+
+def set_points(model: Any, actuators: Array) -> SetPoints:
+    """Return at which set-points servos hold joint angles.
+
+    Args:
+        model: the `mujoco.MjModel`.
+        actuators: (n,) position servos. Their torque is gain * set-point + constant -
+            held * length, where the length is the gear times the joint's angle.
 
     Raises:
         CommandError: a set-point is no angle.
@@ -81,10 +100,11 @@ def set_point_ratios(model: Any, actuators: Array) -> Array:
             f"the model's actuator {name} takes a speed, not an angle; make it a "
             "<position/>"
         )
-    held = -model.actuator_biasprm[actuators, 1]
+    constant, held = model.actuator_biasprm[actuators, :2].T * [[1.0], [-1.0]]
     gains = model.actuator_gainprm[actuators, 0]
     gains = np.where(gains, gains, held)  # a PID has none: its set-points are angles
-    return np.asarray(model.actuator_gear[actuators, 0] * (held / gains))
+    gears = model.actuator_gear[actuators, 0]
+    return SetPoints(gears * (held / gains), -constant / gains)
 
 
 def make_servo(model: Any, joint: int, actuators: Array, servo: Servo) -> None:

@@ -11,10 +11,11 @@ import numpy as np
 from gaitchain.backends.actuators import (
     BY_JOINT,
     Servo,
+    SetPoints,
     joint_servo,
     joint_stiffness,
     make_servo,
-    set_point_ratios,
+    set_points,
 )
 from gaitchain.backends.mujoco import SimulatedMotors, count_steps
 from gaitchain.errors import CommandError
@@ -109,7 +110,7 @@ class ModelBackend(SimulatedMotors):
         self._imu = None if imu is None else _imu_at(self.model, imu)
         self._contacts = _contacts_of(self.model, self._base)
         self._place(np.array([_angle(legs, name) for name in self.joint_names]))
-        self._servos, self._rows, self._scale = self._set_servos(
+        self._servos, self._rows, self._told = self._set_servos(
             _with_gain(legs, servo_gain)
         )
 
@@ -139,7 +140,7 @@ class ModelBackend(SimulatedMotors):
 
     def write(self, position: Array) -> None:
         """Hold joint targets (n,) [rad] for one control period of physics."""
-        self.data.ctrl[self._servos] = self._scale * position[self._rows]
+        self.data.ctrl[self._servos] = self._told.of(position[self._rows])
         mujoco.mj_step(self.model, self.data, nstep=self._substeps)
 
     def engage(self) -> None:
@@ -223,7 +224,7 @@ class ModelBackend(SimulatedMotors):
     def _aim(self, position: Array) -> None:
         """Set the set-points, and the activation states of the servos."""
         data = self.data
-        data.ctrl[self._servos] = self._scale * position[self._rows]
+        data.ctrl[self._servos] = self._told.of(position[self._rows])
         memory = self.model.actuator_actadr[self._servos]
         data.act[memory[memory >= 0]] = data.ctrl[self._servos[memory >= 0]]
 
@@ -250,12 +251,12 @@ class ModelBackend(SimulatedMotors):
         acceleration += np.cross(spin, np.cross(spin, at))
         return self._turn.T @ spin, self._turn.T @ acceleration
 
-    def _set_servos(self, legs: LegModel) -> tuple[Array, Array, Array]:
+    def _set_servos(self, legs: LegModel) -> tuple[Array, Array, SetPoints]:
         """Set the gains of each joint's actuators.
 
         Returns:
             Actuators that take set-points, the rows of their joints in `joint_names`,
-            and the ratio of set-point to joint angle.
+            and how they are told joint angles.
         """
         found = _actuators_of(self.model, self._joints, legs)
         actuators, rows = np.array(found).T
@@ -267,7 +268,7 @@ class ModelBackend(SimulatedMotors):
         # Others, as a <velocity/> that damps, get 0: an angle is no speed.
         servos = [joint_stiffness(self.model, actuator) > 0.0 for actuator in actuators]
         actuators, rows = actuators[servos], rows[servos]
-        return actuators, rows, set_point_ratios(self.model, actuators)
+        return actuators, rows, set_points(self.model, actuators)
 
     def _wanted(self, row: int, own: Servo, legs: LegModel) -> Servo | None:
         """Choose the servo of a joint; None if the model's own stays."""

@@ -89,7 +89,7 @@ def describe_own_model(file: str | Path, library: GaitLibrary) -> OwnModel:
     Raises:
         CommandError: the file is that of another robot, or cannot be simulated.
     """
-    backend, contacts = _standing(file, library)
+    backend, contacts, _ = _standing(file, library)
     model, alone = backend.model, own_spec(file, library.robot)
     return OwnModel(
         joints=model.njnt - 1,
@@ -105,7 +105,7 @@ def describe_own_model(file: str | Path, library: GaitLibrary) -> OwnModel:
 
 
 def own_fault(file: str | Path, robot: Robot) -> str:
-    """Return why no library of a robot could be walked in the file's own model.
+    """Return what keeps libraries of a robot from being walked in the file's own model.
 
     Such a library may be qualified all the same, so that this is said and no error.
 
@@ -114,16 +114,22 @@ def own_fault(file: str | Path, robot: Robot) -> str:
         robot: that was found in it.
 
     Returns:
-        The reason; empty if it can be walked, and where a file is no model of it: of a
+        A sentence; empty if nothing does, and where a file is no model of it: of a
         robot of boxes, or one that was identified.
     """
     if robot.boxes or robot.identified is not None:
         return ""
     try:
-        _standing(file, _Owner(robot))
+        fell_at_s = _standing(file, _Owner(robot)).fell_at_s
     except CommandError as error:
-        return str(error)
-    return ""
+        return f"A library will not be walked in the robot's own model: {error}."
+    if fell_at_s is None:
+        return ""
+    return (
+        "In the robot's own model it does nothing but stand and falls, at "
+        f"{fell_at_s:.2f} s: compare the servos, masses and contacts of the file with "
+        "what was found."
+    )
 
 
 class _Owner(NamedTuple):
@@ -132,13 +138,21 @@ class _Owner(NamedTuple):
     robot: Robot
 
 
-def _standing(file: str | Path, library: OfRobot) -> tuple[_Tracked, SoleContacts]:
-    """Return a robot in its own model, in which it can stand, and its contacts."""
+class _Standing(NamedTuple):
+    """A robot in its own model, in which it was told to stand."""
+
+    backend: _Tracked
+    contacts: SoleContacts
+    fell_at_s: float | None
+    """None if it stood."""
+
+
+def _standing(file: str | Path, library: OfRobot) -> _Standing:
+    """Let a robot stand in its own model."""
     backend = _backend(library, file, World())
     with of_its_file(file, library):
         contacts = sole_contacts(backend)
-        _check_stands(backend)
-        return backend, contacts
+        return _Standing(backend, contacts, _stand_still(backend))
 
 
 class _Tracked(ModelBackend):
@@ -174,18 +188,23 @@ def _backend(library: OfRobot, file: str | Path, world: World) -> _Tracked:
         return backend
 
 
-def _check_stands(backend: _Tracked) -> None:
-    """Refuse a model whose physics diverges while it does nothing but stand.
+def _stand_still(backend: _Tracked) -> float | None:
+    """Return when a robot falls that does nothing but stand [s]; None if it stands.
 
     Raises:
-        CommandError: with the joint that shakes, and what would hold it.
+        CommandError: its physics diverges; with the joint that shakes, and what would
+            hold it.
     """
     stand = np.array(backend.read().joint_position)
     backend.connect(stand)
-    for _ in range(_STANDS):
+    fell_at_s = None
+    for period in range(_STANDS):
         backend.write(stand)
         if backend.diverged:
             raise CommandError(_why_diverged(backend.model))
+        if backend.fallen and fell_at_s is None:
+            fell_at_s = (period + 1) * CONTROL_PERIOD_S
+    return fell_at_s
 
 
 def _why_diverged(model: mujoco.MjModel) -> str:

@@ -112,7 +112,7 @@ def _build(
     """
     check_writable(path)
     if config.own_runs and (fault := own_fault(config.robot, robot)):
-        say(f"it will not be walked in the robot's own model: {fault}")
+        say(fault)
     begin = time.perf_counter()
     of = config, robot.fingerprint, own_digest(config.robot, robot)
     kept = path.with_name(f"{path.name}.build.jsonl")

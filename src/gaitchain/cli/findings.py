@@ -44,7 +44,7 @@ def show_full_robot(
     print_table(f"{robot.name}: what was found", _HEADS, found.evidence, range(3))
     notes = list(loaded.notes)
     if fault := own_fault(name, robot):
-        notes.append(f"A library will not be walked in the robot's own model: {fault}.")
+        notes.append(fault)
     for note in notes:
         say(f"- {note}")
     _show_reduced(robot)
