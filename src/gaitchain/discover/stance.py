@@ -14,11 +14,14 @@ from gaitchain.discover.pinned_robot import PinnedRobot
 from gaitchain.discover.ranges import is_narrowed
 from gaitchain.messages import Array
 
-_FLEXION = (0.87, 0.9, 0.84, 0.93, 0.8, 0.75)  # hip to ankle, of the straight leg
+# Hip to ankle, of the straight leg. The last ones are nearly straight: for ankles or
+# hips that pitch too little for others.
+_FLEXION = (0.87, 0.9, 0.84, 0.93, 0.8, 0.75, 0.96, 0.98)
 _GAP = 0.1  # of a sole's width, at least this much between the soles
 _SPLAY = 0.5  # of the leg: feet that are drawn further apart than the hips are splayed
 _TILT_MOST = 2e-3  # of a sole that counts as level [rad]
 _OFF_MOST = 4e-3  # of the leg: a foot this close to its height is there
+_AT_END = 0.01  # rad: a joint this close to an end of its range is held there
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,25 +69,83 @@ def stand(
     """
     straight = float(np.mean([leg.straight for leg in legs]))
     below = float(np.mean([leg.below for leg in legs]))
-    heights = [share * straight + below for share in _FLEXION]
-    worst = ""
-    for height in [hip_height] if hip_height else heights:
-        flexed = min(max((height - below) / straight, 0.3), 0.995)
-        pose, tilt, off = _solve(robot, legs, _bent(robot, legs, rest, flexed), height)
-        if tilt < _TILT_MOST and off < _OFF_MOST * straight:
-            return pose, height
-        worst = f"tilt {np.degrees(tilt):.2g} deg, {1e3 * off:.2g} mm off its height"
-    joints = [joint for leg in legs for joint in leg.joints]
-    cut = [robot.joint_name(j) for j in joints if is_narrowed(robot.model, j)]
-    by_servos = (
-        f" ({listed('joint', cut)} by the ctrlrange of the servo)" if cut else ""
-    )
+    usual = [share * straight + below for share in _FLEXION]
+    tries = []
+    for height in [hip_height] if hip_height else usual:
+        tries.append(_try(robot, legs, rest, height))
+        if tries[-1].miss < 1.0:
+            return tries[-1].pose, height
+    best = min(tries, key=lambda tried: tried.miss)
+    if hip_height:
+        tries = [_try(robot, legs, rest, height) for height in usual]
     raise UnfitError(
-        f"no standing pose with bent knees within the joint ranges{by_servos}; at best "
-        f"a sole is left with {worst} (allowed: {np.degrees(_TILT_MOST):.2g} deg, "
-        f"{1e3 * _OFF_MOST * straight:.2g} mm)",
+        f"no standing pose with bent knees within the joint ranges"
+        f"{_cut_by_servos(robot, legs)}; at best, with the hips {best.height:.3g} m "
+        f"high, a sole is left with tilt {np.degrees(best.tilt):.2g} deg, "
+        f"{1e3 * best.off:.2g} mm off its height (allowed: "
+        f"{np.degrees(_TILT_MOST):.2g} deg, {1e3 * _OFF_MOST * straight:.2g} mm)"
+        f"{_at_ends(robot, legs, best.pose)}; {_better_height(best, tries)}",
         "stand.hip_height, stand.angles or legs.left and legs.right",
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Try:
+    """The pose nearest to a stance with the hips at one height."""
+
+    height: float
+    """Hips above the soles [m]."""
+    pose: Array
+    tilt: float
+    """Of a sole, the worse one [rad]."""
+    off: float
+    """Of a foot from its place, the worse one [m]."""
+    miss: float
+    """Tilt and place by what is allowed, the larger; below 1 the robot stands."""
+
+
+def _try(
+    robot: PinnedRobot, legs: tuple[LegPlan, LegPlan], rest: Array, height: float
+) -> _Try:
+    straight = float(np.mean([leg.straight for leg in legs]))
+    below = float(np.mean([leg.below for leg in legs]))
+    flexed = min(max((height - below) / straight, 0.3), 0.995)
+    pose, tilt, off = _solve(robot, legs, _bent(robot, legs, rest, flexed), height)
+    miss = max(tilt / _TILT_MOST, off / (_OFF_MOST * straight))
+    return _Try(height, pose, tilt, off, miss)
+
+
+def _cut_by_servos(robot: PinnedRobot, legs: tuple[LegPlan, LegPlan]) -> str:
+    joints = [joint for leg in legs for joint in leg.joints]
+    cut = [robot.joint_name(j) for j in joints if is_narrowed(robot.model, j)]
+    return f" ({listed('joint', cut)} by the ctrlrange of the servo)" if cut else ""
+
+
+def _at_ends(robot: PinnedRobot, legs: tuple[LegPlan, LegPlan], pose: Array) -> str:
+    """Name the joints of a pose that are at an end of their range."""
+    names = []
+    for joint in (joint for leg in legs for joint in leg.joints):
+        low, high = robot.bounds(joint)
+        angle = float(pose[robot.address(joint)])
+        if min(angle - low, high - angle) < _AT_END:
+            ends = f"{np.degrees(low):.3g} to {np.degrees(high):.3g} deg"
+            names.append(f"{robot.joint_name(joint)}, {ends}")
+    return f", at the end of the range of {listed('joint', names)}" if names else ""
+
+
+def _better_height(best: _Try, tries: list[_Try]) -> str:
+    """Say at which other height of the hips the robot stands, or nearly so."""
+    heights = sorted(tried.height for tried in tries)
+    if standing := [tried for tried in tries if tried.miss < 1.0]:
+        other = min(standing, key=lambda tried: abs(tried.height - best.height))
+        way = "higher" if other.height > best.height else "lower"
+        return f"it stands with {way} hips, at {other.height:.3g} m"
+    other = min(tries, key=lambda tried: tried.miss)
+    said = f"hips from {heights[0]:.3g} to {heights[-1]:.3g} m were tried"
+    if other.height in (heights[0], heights[-1]):
+        way = "higher" if other.height == heights[-1] else "lower"
+        said += f", {way} ones may do"
+    return said
 
 
 def _bent(
