@@ -2,18 +2,21 @@
 
 import os
 import shutil
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pytest
 from toy_file import toy
 from toy_robot import Builder, Toy, tie_hip_pitches
+from verdicts import PASSED
 
 from gaitchain.build.own_model import own_digest, own_model
 from gaitchain.build.own_trials import (
     describe_own_model,
 )
 from gaitchain.discover.loaded_robot import load_robot
+from gaitchain.gait.qualification import OwnReport, Qualification
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.sim.world import World
 
@@ -85,6 +88,25 @@ def test_actuators_of_tendons_do_not_pull_at_the_legs(toy_library, tmp_path):
     told = describe_own_model(file, toy_library)
     assert (told.actuators, told.left_out) == (14, 1)
     assert "1 actuators that pull at legs" in told.describe()
+
+
+def test_gains_that_replace_the_files_are_told(toy_path, toy_library, tmp_path):
+    """And kept with the library; where they are the file's, nothing is."""
+    file = tmp_path / "soft.xml"
+    file.write_text(toy(kp=5.0), "utf-8")
+    robot = load_robot(file)
+    soft = replace(toy_library, poses=replace(toy_library.poses, robot=robot))
+    told = describe_own_model(file, soft)
+    least, most = min(robot.legs.stiffness), max(robot.legs.stiffness)
+    said = f"{least:.3g} to {most:.3g} N m/rad in place of the file's 5"
+    assert least > 50.0 and told.gains == said
+    assert f"; leg servos of {said}" in told.describe()
+    tests = replace(PASSED, own=OwnReport(passed=True, model=told))
+    assert Qualification.from_json(tests.to_json()).own.model.gains == said
+    own = describe_own_model(toy_path, toy_library)
+    assert own.gains == ""
+    tests = replace(PASSED, own=OwnReport(passed=True, model=own))
+    assert "gains" not in tests.to_json()["own"]["model"]
 
 
 def test_joints_without_a_rotor_get_the_librarys(toy_library, tmp_path):

@@ -17,6 +17,7 @@ from toy_file import toy
 from gaitchain.analysis.fall_cause import explain
 from gaitchain.analysis.record_file import load_record, save_record
 from gaitchain.analysis.rules import Rule
+from gaitchain.build.own_trials import describe_own_model
 from gaitchain.discover.loaded_robot import load_robot, load_with_findings
 from gaitchain.errors import LibraryError
 from gaitchain.figures import snapshots
@@ -113,6 +114,30 @@ def test_a_library_of_a_full_robot_shows_its_joints(toy_library, tmp_path, capsy
         assert code == 0
         assert "Gait library" in out
         assert "left_knee" in out
+
+
+def test_a_library_says_where_the_gains_of_its_legs_come_from(
+    toy_library, tmp_path, capsys
+):
+    """By the robot's file, or if that is gone by what was walked of it."""
+    file, path = tmp_path / "soft.xml", tmp_path / "soft.gait"
+    file.write_text(toy(kp=5.0), "utf-8")
+    poses = replace(toy_library.poses, robot=load_robot(file))
+    config = replace(toy_library.config, robot=str(file))
+    model = describe_own_model(file, replace(toy_library, poses=poses))
+    walked = replace(toy_library.qualification, own=OwnReport(True, model=model))
+    save_library(
+        replace(toy_library, poses=poses, config=config, qualification=walked), path
+    )
+    said = "derived: placeholder gains; the file's are not believed: left_roll: kp 5 N"
+    code, out, _ = call(capsys, "inspect", path)
+    assert code == 0
+    assert said in out and "servo from" in out
+    _, out, _ = call(capsys, "inspect", path, "--json", "-")
+    assert json.loads(out)["leg_gains"].startswith(said)
+    file.unlink()
+    _, out, _ = call(capsys, "inspect", path, "--json", "-")
+    assert json.loads(out)["leg_gains"] == model.gains != ""
 
 
 @pytest.mark.parametrize(

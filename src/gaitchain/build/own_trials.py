@@ -18,12 +18,14 @@ from gaitchain.build.own_floor import SoleContacts, sole_contacts
 from gaitchain.build.own_model import calm, of_its_file, own_model, own_spec
 from gaitchain.build.trial import Trial, TrialRun, draw_schedule, draw_world
 from gaitchain.build.workers import available_cores
+from gaitchain.discover.servos import sum_actuators
 from gaitchain.discover.tendons import pulling_at
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.qualification import OwnModel
 from gaitchain.gait.schedule import Schedule, format_schedule, lowered
 from gaitchain.messages import CONTROL_PERIOD_S, Array
+from gaitchain.robot.leg_model import LegModel
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.stability import (
     MOST_STIFF,
@@ -34,6 +36,7 @@ from gaitchain.walker.walker import Walker
 
 KNOWN = ("slope_deg", "servo_gain", "model_error")
 """Fields of a `World` that a robot's own model has; all else is the file's."""
+_SAME_GAINS = 1e-3
 _STANDS = round(1.0 / CONTROL_PERIOD_S)  # control periods for which a model must stand
 
 
@@ -101,6 +104,7 @@ def describe_own_model(file: str | Path, library: GaitLibrary) -> OwnModel:
         parted=len(alone.parted),
         step=alone.step,
         left_out=len(pulling_at(alone.spec, library.robot.legs.joint_names)),
+        gains=backend.gains,
     )
 
 
@@ -160,6 +164,8 @@ class _Tracked(ModelBackend):
 
     integrator = ""
     """Why it is not the file's; empty if it is."""
+    gains = ""
+    """Of the legs' servos, and the file's; empty if they are the same."""
 
     def connect(self, position: Array) -> None:
         super().connect(position)
@@ -185,7 +191,27 @@ def _backend(library: OfRobot, file: str | Path, world: World) -> _Tracked:
         model = own_model(file, library.robot, world)
         backend = _Tracked(model, library, servo_gain=world.servo_gain)
         backend.integrator = calm(backend.model)
+        backend.gains = _replaced_gains(model, library.robot.legs)
         return backend
+
+
+def _replaced_gains(model: mujoco.MjModel, legs: LegModel) -> str:
+    """Say which stiffness legs have in place of the file's, which is not theirs.
+
+    Args:
+        model: of the file, before its servos are set.
+        legs: of the library's robot.
+    """
+    joints = [model.joint(name).id for name in legs.joint_names]
+    own = np.array([sum_actuators(model, joint).stiffness for joint in joints])
+    if not own.any() or np.allclose(own, legs.stiffness, rtol=_SAME_GAINS):
+        return ""
+    return f"{_span(legs.stiffness)} N m/rad in place of the file's {_span(own)}"
+
+
+def _span(numbers: Array) -> str:
+    low, high = f"{numbers.min():.3g}", f"{numbers.max():.3g}"
+    return low if low == high else f"{low} to {high}"
 
 
 def _stand_still(backend: _Tracked) -> float | None:

@@ -15,8 +15,9 @@ from gaitchain.cli.legs import show_legs
 from gaitchain.cli.libraries import find_library, is_shipped
 from gaitchain.cli.options import Inspect
 from gaitchain.cli.reach import show_reach
+from gaitchain.discover.findings import LEG_GAINS, Findings
 from gaitchain.discover.origin import check_origin
-from gaitchain.errors import CommandError, RobotFileError
+from gaitchain.errors import CommandError, GaitchainError, RobotFileError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.keypose.presets import CROUCH, geometric_sway
 from gaitchain.gait.keypose.table1_closure import Closure, closure_report
@@ -126,19 +127,22 @@ def _show_library(path: Path) -> dict[str, Any]:
     """Print a library: robot, gait, command range, verdicts, config."""
     library = load_library(path)
     robot = library.robot
-    _show_head(library, path)
+    findings = _findings(library)
+    gains = _gains(library, findings)
+    _show_head(library, path, gains)
     _show_gait(library)
     reach = show_reach(library.command_range)
     _show_verdicts(library)
     _show_config(library)
     if not robot.boxes:
-        show_legs(robot.legs)
+        show_legs(robot.legs, findings)
         _show_origin(library)
     found = robot.identified
     return {
         "robot": robot.name,
         "fingerprint": robot.fingerprint,
         "identified": None if found is None else found.facts(),
+        "leg_gains": gains,
         "version": library.version,
         "qualified": library.qualified,
         "gait": library.family.name,
@@ -151,13 +155,45 @@ def _show_library(path: Path) -> dict[str, Any]:
     }
 
 
-def _show_head(library: GaitLibrary, path: Path) -> None:
+def _findings(library: GaitLibrary) -> Findings | None:
+    """Read again what a robot's file says of it.
+
+    Returns:
+        None where the file is not at hand, or another robot's by now, or where nothing
+        reads it, on a robot's computer.
+    """
+    config = library.config
+    if library.robot.boxes or not Path(config.robot).is_file():
+        return None
+    try:
+        from gaitchain.discover.loaded_robot import load_with_findings
+
+        loaded = load_with_findings(config.robot, config.profile)
+    except (ImportError, GaitchainError):
+        return None
+    same = loaded.robot.fingerprint == library.robot.in_file.fingerprint
+    return loaded.findings if same else None
+
+
+def _gains(library: GaitLibrary, findings: Findings | None) -> str:
+    """Say where the gains of the legs' servos come from; empty where nobody knows."""
+    own = library.qualification.own
+    if findings is None:
+        return "" if own is None or own.model is None else own.model.gains
+    servos = [findings.servos[name] for name in library.robot.legs.joint_names]
+    sources = ", ".join(sorted({servo.source for servo in servos}))
+    judged = [why for what, _, why in findings.evidence if what == LEG_GAINS]
+    return f"{sources}; the file's are not believed: {judged[0]}" if judged else sources
+
+
+def _show_head(library: GaitLibrary, path: Path, gains: str) -> None:
     """Print what a library is for, and whether it is qualified."""
     robot = library.robot
     rows = [
         ("robot", f"{robot.name} ({robot.fingerprint})"),
         *_identified(robot),
         ("mass, leg", f"{robot.reduced.mass:.4g} kg, {robot.reduced.leg_length:.4g} m"),
+        *([("leg gains", gains)] if gains else []),
         ("built by", f"gaitchain {library.version}"),
         ("size", f"{len(library_bytes(library)) / 1000:.1f} kB"),
         ("qualified", library.qualification.verdict),

@@ -12,6 +12,8 @@ from gaitchain.messages import Array
 Row = tuple[str, str, str]
 """What was found, the finding, the evidence for it."""
 Rows = list[Row]
+LEG_GAINS = "leg gains"
+"""What a row is about that says why the file's gains of leg servos are not believed."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from gaitchain.backends.actuators import BY_JOINT
-from gaitchain.discover.findings import FoundServo, Rows
+from gaitchain.discover.findings import LEG_GAINS, FoundServo, Rows
 from gaitchain.discover.pinned_robot import HINGE, PinnedRobot
 from gaitchain.discover.profile import Profile
 from gaitchain.messages import GRAVITY
@@ -184,7 +184,7 @@ def _judge(
         if wrong:
             found = f"{robot.joint_name(joint)}: kp {gains[joint]:.4g} N m/rad"
             limits = f"{_WEAKEST:g} to {_STIFFEST:g} m g h, {weight:.4g} N m"
-            return False, [("leg gains", "not believed", f"{found}; allowed {limits}")]
+            return False, [(LEG_GAINS, "not believed", f"{found}; allowed {limits}")]
     return True, []
 
 

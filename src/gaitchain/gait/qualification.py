@@ -62,6 +62,8 @@ class OwnModel:
     """Which time step, and why, where it is not the file's."""
     left_out: int = 0
     """Actuators that would pull at the legs by a tendon or a crank, without targets."""
+    gains: str = ""
+    """Stiffness of the legs' servos, and that of the file, where it is another one."""
 
     def describe(self) -> str:
         """Say what it was, and what was changed so that it could be walked."""
@@ -79,6 +81,7 @@ class OwnModel:
                 f"; {self.left_out} actuators that pull at legs by tendons or cranks "
                 "left out"
             )
+        said += f"; leg servos of {self.gains}" if self.gains else ""
         said += f"; time step {self.step}" if self.step else ""
         return said + (f"; integrator {self.integrator}" if self.integrator else "")
 
@@ -319,7 +322,7 @@ class Qualification:
         plain = msgspec.to_builtins(self)
         # Most have none of it: their libraries are the same bytes as older ones.
         model = self.own.model if self.own else None
-        for name in ("step", "left_out") if model else ():
+        for name in ("step", "left_out", "gains") if model else ():
             if not getattr(model, name):
                 plain["own"]["model"].pop(name, None)
         if self.grid and self.grid.settled:
