@@ -235,6 +235,61 @@ def test_toes_are_part_of_the_foot():
     check_toy(toy, model, builder, found)
 
 
+@pytest.mark.parametrize("shape", ["drawn", "none", "across"])
+@pytest.mark.parametrize("shift", [0.0, 0.06])
+def test_toes_that_touch_nothing_are_of_the_foot_but_not_of_its_sole(shape, shift):
+    """Whatever is drawn of them: what touches the floor is the foot alone."""
+    builder = Builder(Toy(toes=True, forefoot=0.13 - shift))
+
+    def hide():
+        for number in range(2):
+            toe = builder.spec.joint(builder.made[number, "toe"][0])
+            (drawn,) = toe.parent.geoms
+            drawn.contype = drawn.conaffinity = 0
+            if shape == "none":
+                builder.spec.delete(drawn)
+            if shape == "across":
+                toe.axis = [1, 0, 0]
+
+    model = with_more(builder, hide)
+    found = find(model, "toy")
+    plain, _ = built(Toy(forefoot=0.13 - shift))
+    sole, same = found.left.sole, find(plain, "toy").left.sole
+    assert found.left.passive == (builder.made[0, "toe"][0],)
+    assert len(found.left.joints) == 6
+    assert (sole.front, sole.rear) == pytest.approx((same.front, same.rear))
+
+
+def test_long_toes_that_were_taken_for_the_foot_are_named():
+    builder = Builder(Toy(toes=True, forefoot=0.04, heel=0.01))
+
+    def lengthen():
+        for number in range(2):
+            toe = builder.spec.joint(builder.made[number, "toe"][0]).parent
+            toe.geoms[0].size, toe.geoms[0].pos = [0.06, 0.04, 0.01], [0.07, 0, 0]
+
+    model = with_more(builder, lengthen)
+    words = (
+        r"above the sole; .* give sole\.front .* or legs\.left and legs\.right where"
+    )
+    with pytest.raises(RobotFileError, match=words):
+        find(model, "toy")
+
+
+def test_a_foot_drawn_under_an_ankle_that_collides_is_no_toe():
+    """What collides is far above it, so that the foot lost its own shapes."""
+    builder = Builder(Toy(foot="visual", ankle=("roll", "pitch")))
+
+    def pad():
+        for number in range(2):
+            link = builder.spec.joint(builder.made[number, "ankle_roll"][0]).parent
+            builder.box(link, (0.01, 0.01, 0.01), (0, 0, 0))
+
+    found = find(with_more(builder, pad), "toy")
+    assert (len(found.left.joints), found.left.passive) == (6, ())
+    assert found.left.sole.front == pytest.approx(0.13, abs=2e-3)
+
+
 @pytest.mark.parametrize("ankle", [("pitch", "roll"), ("roll", "pitch")])
 def test_the_last_joint_of_an_ankle_is_no_toe_on_a_link_just_as_low(ankle):
     builder = Builder(Toy(ankle=ankle))

@@ -158,7 +158,7 @@ def _plan(robot: PinnedRobot, leg: LegParts, answers: Profile, rows: Rows) -> Le
     at = robot.anchor(leg.joints[knee])
     length = float(np.linalg.norm(hip - at) + np.linalg.norm(centre - at))
     sole, why = sole_of(robot, leg, ankle, length, answers)
-    check_sole(sole, why, length, _may_be_toes(robot, leg.joints[knee + 1 :], left))
+    check_sole(sole, why, length, _may_be_toes(robot, leg, knee, left))
     rows.append(_sole_row(sole, why))
     rows.append(_knee_row(robot.joint_name(leg.joints[knee]), sided, forwards))
     leg_found = FoundLeg(
@@ -192,10 +192,15 @@ def _knee_row(name: str, sided: float, forwards: float) -> Row:
     return "knee", f"{name} {'+' if bends > 0 else '-'}", f"{way}; {why}"
 
 
-def _may_be_toes(robot: PinnedRobot, ankle: tuple[int, ...], left: Array) -> bool:
-    """Whether a foot hangs on a pitch hinge after another one below the knee."""
+def _may_be_toes(robot: PinnedRobot, leg: LegParts, knee: int, left: Array) -> bool:
+    """Whether a foot hangs on a pitch hinge after another one below the knee.
+
+    Or on one that nothing drives.
+    """
+    ankle = leg.joints[knee + 1 :]
     pitches = [abs(float(robot.axis(j) @ left)) > PITCH for j in ankle]
-    return sum(pitches) > 1 and pitches[-1]
+    idle = leg.foot in robot.model.jnt_bodyid[list(leg.passive)]
+    return bool(idle) or (sum(pitches) > 1 and pitches[-1])
 
 
 def _refuse_massless(robot: PinnedRobot, plans: tuple[LegPlan, LegPlan]) -> None:

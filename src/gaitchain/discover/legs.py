@@ -11,7 +11,7 @@ from gaitchain.discover.findings import Rows, UnfitError
 from gaitchain.discover.limbs import DOWN, Limb, bodies_of, refuse_slides
 from gaitchain.discover.pinned_robot import PinnedRobot
 from gaitchain.discover.profile import Profile
-from gaitchain.discover.shapes import ground_geoms, shapes_of
+from gaitchain.discover.shapes import VISUAL, ground_geoms, shapes_of
 from gaitchain.messages import Array
 
 _FEWEST, _MOST = 5, 7  # joints of a leg that walking can use
@@ -178,25 +178,43 @@ def why_idle(robot: PinnedRobot, joint: int) -> str:
 def _has_toes(
     robot: PinnedRobot, limb: Limb, own: tuple[int, ...], left: Array
 ) -> bool:
-    """Whether the last link is toes: hinged across, ahead of a foot just as low."""
+    """Whether the last link is toes: hinged across, ahead of a foot just as low.
+
+    Toes that nothing drives may hinge any way, and those that touch nothing may have no
+    shape at all; the link before them touches the ground.
+    """
     if len(own) <= _FEWEST or limb.links[-2] == robot.base:
         return False
     robot.place(robot.neutral)
-    if abs(robot.axis(own[-1]) @ left) < PITCH:
+    across = abs(robot.axis(own[-1]) @ left) >= PITCH
+    idle = bool(robot.driven.intersection(own)) and own[-1] not in robot.driven
+    (feet, solid), (toes, kind) = (
+        ground_geoms(robot.model, bodies_of(robot, link)) for link in limb.links[-2:]
+    )
+    bare = not toes or kind == VISUAL
+    if not feet or solid == VISUAL or not (across or (idle and bare)):
         return False
+    return _end_ahead(robot, own, left, feet, toes) if toes else idle
+
+
+def _end_ahead(
+    robot: PinnedRobot,
+    own: tuple[int, ...],
+    left: Array,
+    feet: list[int],
+    toes: list[int],
+) -> bool:
+    """Whether a leg's last geoms are ahead of those before them, and just as low."""
     parts = []
-    for link in limb.links[-2:]:
-        geoms, kind = ground_geoms(robot.model, bodies_of(robot, link))
-        if not geoms or kind == "visual geoms":
-            return False
+    for geoms in (feet, toes):
         shapes = shapes_of(robot.model, robot.data, geoms, 0)
         points = np.concatenate([s.touching(DOWN) for s in shapes])
         parts.append(points[points[:, 2] < points[:, 2].min() + 0.01])
     leg = float(np.linalg.norm(robot.anchor(own[0]) - parts[0].mean(axis=0)))
     level = abs(parts[0][:, 2].min() - parts[1][:, 2].min()) < _TOE_BAND * leg
-    foot, toes = (points @ np.cross(left, DOWN) for points in parts)
-    beyond = not foot.min() < toes.mean() < foot.max()
-    return bool(level and beyond and np.ptp(foot) > 0.5 * np.ptp(toes))
+    foot, ahead = (points @ np.cross(left, DOWN) for points in parts)
+    beyond = not foot.min() < ahead.mean() < foot.max()
+    return bool(level and beyond and np.ptp(foot) > 0.5 * np.ptp(ahead))
 
 
 def knee_of(robot: PinnedRobot, leg: LegParts, left: Array) -> int:

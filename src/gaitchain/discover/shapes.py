@@ -20,6 +20,8 @@ _CYLINDER = int(mujoco.mjtGeom.mjGEOM_CYLINDER)
 _ELLIPSOID = int(mujoco.mjtGeom.mjGEOM_ELLIPSOID)
 MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 _SPHERE = int(mujoco.mjtGeom.mjGEOM_SPHERE)
+VISUAL = "visual geoms"
+"""What messages call geoms of a body of which none collides."""
 _SOLID = (_SPHERE, _CAPSULE, _ELLIPSOID, _CYLINDER, _BOX, MESH)
 
 
@@ -87,7 +89,7 @@ def ground_geoms(model: Any, bodies: set[int]) -> tuple[list[int], str]:
         return colliding, "contact pairs" if explicit else "collision geoms"
     # Simple shapes that do not collide are meant for contact more likely than meshes.
     plain = [g for g in own if model.geom_type[g] != MESH]
-    return plain or own, "visual geoms"
+    return plain or own, VISUAL
 
 
 def shapes_of(model: Any, data: Any, geoms: list[int], frame: int) -> list[Shape]:

@@ -15,7 +15,7 @@ from gaitchain.discover.legs import LegParts
 from gaitchain.discover.limbs import DOWN
 from gaitchain.discover.pinned_robot import PinnedRobot
 from gaitchain.discover.profile import Profile
-from gaitchain.discover.shapes import MESH, Shape, ground_geoms, shapes_of
+from gaitchain.discover.shapes import MESH, VISUAL, Shape, ground_geoms, shapes_of
 from gaitchain.messages import Array
 
 _LEAST_LENGTH, _LEAST_WIDTH = 0.08, 0.03  # of a sole, of the leg
@@ -107,7 +107,7 @@ def _ground_plane(
         return _Plane(-down, height, below[None], False), [], "the profile"
     geoms, kind = ground_geoms(robot.model, set(leg.soles))
     why = f"{len(geoms)} {kind} of {robot.model.body(leg.foot).name}"
-    if kind == "visual geoms":
+    if kind == VISUAL:
         why += ", as none of it collides"
     shapes = shapes_of(robot.model, robot.data, geoms, leg.foot)
     if not shapes:
@@ -133,6 +133,7 @@ def check_sole(sole: FoundSole, why: str, leg: float, toes: bool) -> None:
     long, wide = _LEAST_LENGTH * leg, _LEAST_WIDTH * leg
     size = sole.front - sole.rear, 2.0 * sole.half_width
     keys = "sole.front, sole.rear, sole.half_width and sole.below"
+    past_toes = f"legs.left and legs.right where {sole.body} is toes" if toes else None
     if why == _NOTHING:
         raise UnfitError(
             f"foot {sole.body} has no shape that could be read; put its meshes where "
@@ -153,14 +154,14 @@ def check_sole(sole: FoundSole, why: str, leg: float, toes: bool) -> None:
             f"wide, from {why}; walking needs at least about {long:.3f} m by "
             f"{wide:.3f} m",
             keys,
-            "up if z is not up"
-            + f", or legs.left and legs.right where {sole.body} is toes" * toes,
+            "up if z is not up" + (f", or {past_toes}" if past_toes else ""),
         )
     if not sole.rear < 0.0 < sole.front:
         raise UnfitError(
             f"the sole of {sole.body} reaches from {sole.rear:.3f} to {sole.front:.3f} "
             "m ahead of the ankle; the ankle must be above the sole",
             "sole.front and sole.rear",
+            past_toes,
         )
 
 
