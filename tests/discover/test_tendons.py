@@ -1,5 +1,6 @@
 """Servos on tendons: moved to the one joint that they turn, and the physics stays."""
 
+import re
 from dataclasses import asdict
 
 import mujoco
@@ -9,7 +10,8 @@ from toy_file import JOINTS, SIDES, toy
 
 from gaitchain.discover.load import load_model
 from gaitchain.discover.loaded_robot import load_with_findings
-from gaitchain.discover.tendons import fold_tendons, pulling_at
+from gaitchain.discover.tendons import fold_tendons, pulled_over_tendons, pulling_at
+from gaitchain.errors import RobotFileError
 
 HUNG = """
 <mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>
@@ -120,3 +122,38 @@ def test_servos_on_tendons_are_those_of_the_legs(tmp_path):
     for name, servo in expected.findings.servos.items():
         assert asdict(found.findings.servos[name]) == asdict(servo)
     assert found.robot.fingerprint == expected.robot.fingerprint
+
+
+def differential(text):
+    """The toy with two motors at each ankle, over tendons of both of its joints."""
+    cords, motors = "", ""
+    for side, _ in SIDES:
+        for joint in ("ankle", "tilt"):
+            text = re.sub(f'<position joint="{side}_{joint}"[^>]*/>', "", text)
+        for name, sign in (("inner", 1), ("outer", -1)):
+            cords += (
+                f'<fixed name="{side}_{name}"><joint joint="{side}_ankle" coef="0.5"/>'
+                f'<joint joint="{side}_tilt" coef="{0.5 * sign}"/></fixed>'
+            )
+            motors += f'<motor name="{side}_{name}" tendon="{side}_{name}"/>'
+    text = text.replace("<actuator>", f"<tendon>{cords}</tendon><actuator>{motors}")
+    return text
+
+
+def test_motors_of_a_differential_are_named_where_a_leg_lacks_joints(tmp_path):
+    file = tmp_path / "differential.xml"
+    file.write_text(differential(toy()), "utf-8")
+    with pytest.raises(RobotFileError, match="a leg has 4 driven joints") as caught:
+        load_with_findings(file)
+    for joint in ("left_ankle", "left_tilt"):
+        assert (
+            f"; {joint} is pulled by 2 actuators (left_inner, left_outer) over a "
+            "tendon, which is not read: give it a <position> at the joint"
+        ) in str(caught.value)
+    assert "has no actuator" not in str(caught.value)
+
+
+def test_tendons_over_sites_pull_at_the_joints_between_them():
+    model = hung(SPATIAL.format("in_thigh"), SERVO.format("")).compile()
+    names = {n: pulled_over_tendons(model, model.joint(n).id) for n in ("hip", "knee")}
+    assert names == {"hip": [], "knee": ["cord"]}

@@ -9,9 +9,11 @@ import numpy as np
 
 from gaitchain.discover.findings import Rows, UnfitError
 from gaitchain.discover.limbs import DOWN, Limb, bodies_of, refuse_slides
+from gaitchain.discover.notes import listed
 from gaitchain.discover.pinned_robot import PinnedRobot
 from gaitchain.discover.profile import Profile
 from gaitchain.discover.shapes import VISUAL, ground_geoms, shapes_of
+from gaitchain.discover.tendons import pulled_over_tendons
 from gaitchain.messages import Array
 
 _FEWEST, _MOST = 5, 7  # joints of a leg that walking can use
@@ -169,10 +171,20 @@ def why_idle(robot: PinnedRobot, joint: int) -> str:
     if joint in robot.followers:
         return f"{name} is held by an equality"
     if joint not in robot.driven:
-        return f"{name} has no actuator"
+        return f"{name} {_undriven(robot, joint)}"
     if led := robot.led_by(joint):
         return f"{name} moves {robot.joint_name(led[0])} with it by an equality"
     return f"{name} is of the toes, or not of the joints that a profile names"
+
+
+def _undriven(robot: PinnedRobot, joint: int) -> str:
+    pulling = pulled_over_tendons(robot.model, joint)
+    if not pulling:
+        return "has no actuator"
+    return (
+        f"is pulled by {listed('actuator', pulling)} over a tendon, which is not read: "
+        "give it a <position> at the joint"
+    )
 
 
 def _has_toes(

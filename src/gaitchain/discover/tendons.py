@@ -13,6 +13,7 @@ import numpy as np
 
 from gaitchain.backends.actuators import BY_JOINT
 from gaitchain.discover.notes import listed
+from gaitchain.sim.bodies import subtree
 
 _TRN, _WRAP, _LIMITED = mujoco.mjtTrn, mujoco.mjtWrap, mujoco.mjtLimited
 _MUSCLE = mujoco.mjtGain.mjGAIN_MUSCLE  # pulls by the range of what it is on
@@ -57,6 +58,37 @@ def pulling_at(spec: Any, joints: Collection[str]) -> list[Any]:
     """
     wanted = set(joints)
     return [a for a in spec.actuators if not wanted.isdisjoint(_turned_by(spec, a))]
+
+
+def pulled_over_tendons(model: Any, joint: int) -> list[str]:
+    """Return the names of actuators that pull at a joint over a tendon.
+
+    Args:
+        model: the compiled `mujoco.MjModel`.
+        joint: its number.
+    """
+    by_tendon = model.actuator_trntype == int(_TRN.mjTRN_TENDON)
+    return [
+        str(model.actuator(a).name or model.tendon(model.actuator_trnid[a, 0]).name)
+        for a in np.flatnonzero(by_tendon)
+        if _is_over(model, int(model.actuator_trnid[a, 0]), joint)
+    ]
+
+
+def _is_over(model: Any, tendon: int, joint: int) -> bool:
+    """Whether a tendon's length depends on a joint."""
+    first = model.tendon_adr[tendon]
+    path = range(first, first + model.tendon_num[tendon])
+    parts = [(int(model.wrap_type[i]), int(model.wrap_objid[i])) for i in path]
+    if (int(_WRAP.mjWRAP_JOINT), joint) in parts:
+        return True
+    moved = set(subtree(model, model.jnt_bodyid[joint]))
+    ends = {
+        int(model.site_bodyid[at]) in moved
+        for kind, at in parts
+        if kind == int(_WRAP.mjWRAP_SITE)
+    }
+    return len(ends) > 1
 
 
 def _turns_one(tendon: Any) -> bool:
