@@ -16,6 +16,7 @@ from gaitchain.analysis.rule_checks import nearest_angle, nearest_speed
 from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.analysis.walk_metrics import (
     fall_cause,
+    percent,
     summarise,
     support_region,
     zmp_margins,
@@ -257,6 +258,21 @@ def test_the_share_of_time_inside():
     walk = record(track(0.1, 0.1, 0.1))
     walk.zmp[:70, 1] = 1.0  # far outside
     assert summarise(RES, walk, SCHEDULE).zmp_inside_support == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize(
+    ("share", "said"),
+    [
+        (1.0, "100 %"),
+        (0.9976, "99.7 %"),
+        (0.99999, "99.9 %"),
+        (0.57, "57 %"),
+        (0.8809, "88 %"),
+        (0.0004, "0 %"),
+    ],
+)
+def test_a_hundred_percent_are_all(share, said):
+    assert percent(share) == said
 
 
 def test_a_real_walk(library):

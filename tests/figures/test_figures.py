@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from gaitchain.analysis.simulated_walk import run_schedule
-from gaitchain.analysis.walk_metrics import zmp_margins
+from gaitchain.analysis.walk_metrics import percent, zmp_margins
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.cli import figures, run
 from gaitchain.errors import CommandError, GaitchainError, RenderError
@@ -415,6 +415,16 @@ def test_a_long_schedule_is_cut_at_a_segment(tmp_path, record, library, shown):
     kept, rest = title.removeprefix(f"{library.robot.name}: ").split("; ...")
     assert set(kept.split(";")) == {"0.0125,0,0.1@1"}
     assert rest == " (9 segments)"
+
+
+def test_a_walk_that_left_its_support_is_not_said_to_be_inside_all_the_time(
+    tmp_path, record, library, shown
+):
+    plot_walk(record, library.robot, (Segment(Command(0.05), steps=4),), tmp_path / "a")
+    inside = (zmp_margins(library.robot, record) >= 0.0).mean()
+    assert 0.5 < inside < 1.0
+    said = f"ZMP inside the planned support {percent(inside)} of the time"
+    assert said in shown[0].get_suptitle()
 
 
 def test_without_a_speed_limit_none_is_drawn(tmp_path, record, library, shown):

@@ -116,6 +116,16 @@ def summarise(robot: Robot, record: WalkRecord, schedule: Schedule) -> WalkSumma
     )
 
 
+def percent(share: float) -> str:
+    """Return a part of a whole in percent, of which 100 is said only of all.
+
+    Args:
+        share: 0 to 1; rounded down to a tenth of a percent.
+    """
+    tenths = math.floor(1000.0 * share + 1e-9)
+    return f"{0.1 * tenths:.1f} %" if tenths % 10 else f"{tenths // 10} %"
+
+
 def _first_row(record: WalkRecord) -> int:
     """Return the row of time 0, beyond the end where a robot fell as it settled."""
     return int(np.searchsorted(record.time_s, -1e-9))

@@ -15,6 +15,7 @@ from gaitchain.analysis.simulated_walk import Visit, run_schedule, run_waypoints
 from gaitchain.analysis.walk_metrics import (
     SegmentResult,
     WalkSummary,
+    percent,
     summarise,
     support_region,
 )
@@ -264,7 +265,7 @@ def _show(
     fastest, most = math.degrees(speed.value), math.degrees(speed.high)
     say(
         f"{summary.cause if summary.fell else 'no fall'}; "
-        f"ZMP in the support region {summary.zmp_inside_support:.0%} of the time; "
+        f"ZMP in the support region {percent(summary.zmp_inside_support)} of the time; "
         f"nearest to their limits: {angle.joint} at {at:.0f} deg ({low:.0f} to "
         f"{high:.0f}), {speed.joint} at {fastest:.0f} deg/s (limit {most:.0f})"
     )

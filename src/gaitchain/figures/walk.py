@@ -12,6 +12,7 @@ from gaitchain.analysis.rule_checks import joint_limits
 from gaitchain.analysis.walk_metrics import (
     SegmentResult,
     WalkSummary,
+    percent,
     summarise,
     zmp_margins,
 )
@@ -82,7 +83,7 @@ def plot_walk(record: WalkRecord, robot: Robot, schedule: Schedule, path: Path) 
         margin.set_xlabel("time [s]")
         end = summary.cause or (
             f"{summary.distance_m:.2f} m, ZMP inside the planned support "
-            f"{100 * summary.zmp_inside_support:.0f} % of the time"
+            f"{percent(summary.zmp_inside_support)} of the time"
         )
         title = f"{robot.name}: {_title(schedule)}\n{fill(end, _LINE)}"
         figure.suptitle(title)
