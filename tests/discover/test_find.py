@@ -2,6 +2,7 @@
 
 import os
 import re
+from contextlib import contextmanager
 from pathlib import Path
 
 import mujoco
@@ -32,6 +33,7 @@ from gaitchain.discover.reduce import reduce
 from gaitchain.discover.sole import corners_of, outline_of
 from gaitchain.errors import RobotFileError
 from gaitchain.figures.robot import draw_robot
+from gaitchain.figures.style import drawing
 from gaitchain.sim.model import build_model
 
 STOCK = {
@@ -810,6 +812,29 @@ def test_a_robot_that_lost_all_shapes_is_drawn_by_its_joints(tmp_path):
     found = find(model, "toy", parse_profile(told, "p.toml"))
     draw_robot(tmp_path / "robot.png", model, "toy", found)
     assert (tmp_path / "robot.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("portrait", [None, np.full((400, 300, 3), 200, np.uint8)])
+def test_a_long_name_leaves_the_titles_of_the_panels_free(
+    tmp_path, monkeypatch, portrait
+):
+    drawn = []
+
+    @contextmanager
+    def kept(*size):
+        with drawing(*size) as figure:
+            drawn.append(figure)
+            yield figure
+
+    monkeypatch.setattr("gaitchain.figures.robot.drawing", kept)
+    model, _ = built(Toy())
+    found = find(model, "toy")
+    draw_robot(tmp_path / "robot.png", model, "toy of a name " * 4, found, portrait)
+    (figure,) = drawn
+    title = next(t for t in figure.get_children() if "toy of" in str(t))
+    above = title.get_window_extent().y0
+    for panel in figure.axes:
+        assert panel.title.get_window_extent().y1 < above - 2.0
 
 
 def test_a_profile_overrides_servos_and_angles():
