@@ -171,6 +171,9 @@ def _assumed(loaded: LoadedRobot) -> str:
     legs, servos = loaded.robot.legs, loaded.findings.servos
     if all(math.isinf(servos[name].speed_limit) for name in legs.joint_names):
         found.append(f"speeds to {legs.speed_limit.max():g} rad/s")
+    # Meshes that the picture may lack.
+    lost = [note for note in loaded.notes if " mesh file" in note.partition("(")[0]]
+    found += [note.rstrip(".") for note in lost if "left out" in note]
     return ", ".join(dict.fromkeys(found)) or "nothing"
 
 

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
+from toy_file import toy
 
+from gaitchain.discover.loaded_robot import load_with_findings
 from gaitchain.gait.library_file import save_library
 
 pytestmark = pytest.mark.slow
@@ -60,3 +62,18 @@ def test_a_row_has_picture_servos_speeds_and_pushes(toy_path, toy_library, tmp_p
     assert cells[7:9] == ["0.250 / 0.300", "240"]
     assert cells[9] == "speeds to 30 rad/s"
     assert "gone.xml: no such file" in second
+
+
+def test_a_mesh_that_the_picture_lacks_is_told(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(SCRIPT.parent)
+    gallery = runpy.run_path(str(SCRIPT))
+    shell = '<geom type="mesh" mesh="shell" mass="0" contype="0" conaffinity="0"/>'
+    text = toy().replace("<freejoint/>", f"<freejoint/>{shell}")
+    asset = '<asset><mesh name="shell" file="shell.stl"/></asset><worldbody>'
+    file = tmp_path / "bare.xml"
+    file.write_text(text.replace("<worldbody>", asset), "utf-8")
+    said = gallery["_assumed"](load_with_findings(file))
+    lost = "1 mesh file (shell.stl) cannot be read; left out"
+    assert said == f"speeds to 30 rad/s, {lost}"
+    page = (ROOT / "docs" / "robots.md").read_text("utf-8")
+    assert lost.replace("shell", "torso") in page
