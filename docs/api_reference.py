@@ -22,11 +22,14 @@ _LIMITS = """
 | clients of the stream | %(sockets)d |
 | clients of the 3-D view | %(viewers)d |
 | connections | %(connections)d |
-| requests of one address | %(requests_per_s)g a second; 429 |
+| requests of one address | %(requests_per_s)g a second; 429, %(refused_s)g s later |
+| line and headers of a request | %(head_bytes)d bytes; 400 |
+| lines of a request's head and chunks | %(lines)d; closed |
 | body of a request | %(body_bytes)d bytes; 413 |
 | a request and its answer | %(request_s)g s |
 | message on the stream | %(message_bytes)d bytes |
 | messages of one client | %(messages_per_s)g a second; closed with 1008 |
+| its frames, with pings and fragments | %(frames_per_s)g a second; closed with 1008 |
 | messages that cannot be read | %(bad_messages)d, and one a second; closed with 1008 |
 | a client that takes nothing | %(stalled_s)g s; closed |
 """

@@ -408,7 +408,12 @@ def test_a_hundred_thousand_odd_messages_break_nothing(tmp_path):
 
 
 def test_odd_messages_over_the_wire_break_nothing():
-    limits = ApiLimits(messages_per_s=1e6, bad_messages=10_000_000, requests_per_s=1e6)
+    limits = ApiLimits(
+        messages_per_s=1e6,
+        frames_per_s=1e6,
+        bad_messages=10_000_000,
+        requests_per_s=1e6,
+    )
     with served(limits, shared=True) as here:
         with ThreadPoolExecutor(4) as workers:
             for done in [workers.submit(_send_odd, here, seed) for seed in range(4)]:

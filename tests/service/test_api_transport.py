@@ -4,6 +4,7 @@ import asyncio
 import socket
 from contextlib import ExitStack
 
+from api_server import nothing_asked
 from patience import Deadline
 
 from gaitchain.service.api_limits import ApiLimits
@@ -11,15 +12,6 @@ from gaitchain.service.api_transport import listen, server_of
 
 CLIENTS = 200
 MOST = 32  # a turn of a few ms
-
-
-async def bare_app(scope, receive, send):
-    """Begin and end; nothing is asked of it."""
-    while scope["type"] == "lifespan":
-        message = await receive()
-        await send({"type": f"{message['type']}.complete"})
-        if message["type"] == "lifespan.shutdown":
-            return
 
 
 def new_client(port):
@@ -52,6 +44,6 @@ async def most_in_a_turn(server, stack):
 
 
 def test_a_burst_of_connections_leaves_the_loop_time_for_a_stop_between_them():
-    server = server_of(bare_app, ApiLimits())
+    server = server_of(nothing_asked, ApiLimits())
     with ExitStack() as stack:
         assert 0 < asyncio.run(most_in_a_turn(server, stack)) <= MOST

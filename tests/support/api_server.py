@@ -229,6 +229,15 @@ def served(limits=None, *, shared=False, live=True, **settings):
                 loop.close()
 
 
+async def nothing_asked(scope, receive, send):
+    """An app that begins and ends; nothing is asked of it."""
+    while scope["type"] == "lifespan":
+        message = await receive()
+        await send({"type": f"{message['type']}.complete"})
+        if message["type"] == "lifespan.shutdown":
+            return
+
+
 def await_telemetry(here):
     """Wait for the first frame."""
     with here.stream() as socket:

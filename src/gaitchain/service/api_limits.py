@@ -19,12 +19,22 @@ class ApiLimits:
     """Time from connecting, or the last answer, to the end of the next answer [s]."""
     requests_per_s: float = 400.0
     """Requests per second from one address."""
+    refused_s: float = 0.5
+    """Time after which a request beyond that is refused, so that it is not repeated at
+    once [s]."""
     body_bytes: int = 16_384
     """Size of a request's body [byte]."""
     message_bytes: int = 2_048
     """Size of a client's message on the telemetry stream [byte]."""
     messages_per_s: float = 200.0
     """Messages per second from one stream client; above that, the client is closed."""
+    frames_per_s: float = 400.0
+    """WebSocket frames per second from one client, pings and fragments counted; above
+    that, the client is closed."""
+    head_bytes: int = 16_384
+    """Size of a request's line and headers [byte]."""
+    lines: int = 1_024
+    """Lines of a request's head and chunks; above that, the client is closed."""
     bad_messages: int = 100
     """Unreadable messages, plus one per second, after which a client is closed."""
     stalled_s: float = 5.0
@@ -53,12 +63,12 @@ class Allowance:
         self._most = max(1.0, per_s if burst is None else burst)
         self._left, self._then = self._most, clock()
 
-    def take(self) -> bool:
-        """Take one; False if none is left."""
+    def take(self, many: int = 1) -> bool:
+        """Take one, or so many; False if they are not left."""
         now = self._clock()
         self._left = min(self._most, self._left + self._per_s * (now - self._then))
         self._then = now
-        if self._left < 1.0:
+        if self._left < many:
             return False
-        self._left -= 1.0
+        self._left -= many
         return True

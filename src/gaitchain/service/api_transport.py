@@ -1,4 +1,11 @@
-"""The server's TCP connections, with limits on number, idle time and buffers."""
+"""The server's TCP connections, with limits on number, time, buffers and work.
+
+One loop serves all of them, so what one connection can make it do at once delays an
+emergency stop of another one. What a client sends is read in small pieces, by turns
+with all others, and all that costs time is counted, also what no app ever sees: lines
+of a head, chunks, fragments, pings. Who exceeds a limit is read no more, and hung up on
+a while later: at once, and it would connect again as fast.
+"""
 
 import asyncio
 import socket
@@ -7,17 +14,23 @@ from typing import Any
 import h11
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from gaitchain.errors import ServiceError
-from gaitchain.service.api_limits import ApiLimits
+from gaitchain.service.api_limits import Allowance, ApiLimits
 from gaitchain.service.own_port import own_port
 
-_SOCKET_BYTES = 1 << 16  # of the system's buffers; what is read at once is no more
+_SOCKET_BYTES = 1 << 16  # of the system's buffers
+_TURN_BYTES = 1 << 10  # of a connection that are read and handled in one turn
 _MESSAGE_BYTES = 1 << 16  # a message of the 3-D view; more and its socket is closed
-# Connections that wait to be accepted. asyncio accepts all of them in one turn of its
-# loop, in which nothing else is answered, no emergency stop either.
-_BACKLOG = 16
+# Connections that asyncio accepts in one turn of its loop, in which nothing else is
+# answered, no emergency stop either.
+_ACCEPTED = 16
+# Connections that may wait for that. Where no more fit, the system drops what comes,
+# and a client tries again after a second.
+_WAITING = 512
+_POLICY_VIOLATION = 1008
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -44,7 +57,7 @@ def listen(host: str, port: int) -> socket.socket:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _SOCKET_BYTES)
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SOCKET_BYTES)
         listening.bind(address)
-        listening.listen(_BACKLOG)
+        listening.listen(_ACCEPTED)
     except OSError as error:
         listening.close()
         raise ServiceError(
@@ -68,9 +81,10 @@ def server_of(app: Any, limits: ApiLimits) -> uvicorn.Server:
         loop="asyncio",
         http=type("Http", (_BoundedHttp,), bounds),
         ws=type("Sockets", (_BoundedSocket,), bounds),
+        h11_max_incomplete_event_size=limits.head_bytes,
         ws_max_size=_MESSAGE_BYTES,
         ws_per_message_deflate=False,
-        backlog=_BACKLOG,  # of its own uvicorn would take 2048
+        backlog=_ACCEPTED,  # of its own uvicorn would take 2048
         lifespan="on",
         log_config=None,
         log_level="error",
@@ -79,51 +93,84 @@ def server_of(app: Any, limits: ApiLimits) -> uvicorn.Server:
         server_header=False,
         timeout_graceful_shutdown=2,
     )
-    return uvicorn.Server(config)
+    return _Server(config)
+
+
+class _Server(uvicorn.Server):
+    """Lets more connections wait than asyncio accepts in one turn."""
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Begin to accept, by asyncio's one number for both."""
+        await super().startup(sockets)
+        for listening in sockets or ():
+            listening.listen(_WAITING)
 
 
 class _BoundedHttp(H11Protocol):
-    """Hangs up on a connection that is one too many, or slow over a request."""
+    """Hangs up on a connection that is one too many, slow over a request, or floods."""
 
     limits = ApiLimits()
     _deadline: asyncio.TimerHandle | None = None
-    _since_s = 0.0
+    _lines = 0  # since the last answer
+    floods = False
+    """Whether it is read no more."""
+    since_s = 0.0
+    """When it connected, or got its last answer."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Begin to count the time; one too many takes the place of an idle one."""
+        """Begin to count the time; one too many takes the place of the oldest."""
         super().connection_made(transport)
-        self._since_s = self.loop.time()
+        transport.max_size = _TURN_BYTES  # type: ignore[attr-defined]  # of asyncio's
+        self.since_s = self.loop.time()
         if len(self.connections) > self.limits.connections:
             self._make_room()
         self._set_deadline(self.limits.request_s)
 
-    @property
-    def idle(self) -> bool:
-        """Whether it could be hung up on: no request is complete and unanswered."""
-        if self.transport.is_closing():
-            return False  # it goes already
-        answered = self.cycle is None or self.cycle.response_complete
-        return answered or self.conn.their_state is h11.SEND_BODY
+    def data_received(self, data: bytes) -> None:
+        """Count the lines that have to be read one by one, before they are."""
+        self._lines += self._lines_in(data)
+        if self._lines > self.limits.lines:
+            self._hang_up()
+        else:
+            super().data_received(data)
+
+    def _lines_in(self, data: bytes) -> int:
+        """Return how many lines of a head or of chunks there are; a body has none."""
+        if self.conn.their_state is not h11.SEND_BODY:
+            data = data.partition(b"\r\n\r\n")[0]
+        elif not any(name == b"transfer-encoding" for name, _ in self.headers):
+            return 0
+        return data.count(b"\n")
 
     def _make_room(self) -> None:
-        """Hang up on who has been idle for longest; on the new one if nobody is.
+        """Hang up on whose last answer was longest ago.
 
-        Who opens connections and asks nothing can so shut nobody out: a new request,
-        such as an emergency stop, comes with its connection.
+        Who opens connections can so shut nobody out, whatever it asks on them: a new
+        request, such as an emergency stop, comes with its connection, and is answered
+        before so many others are newer. Open sockets stay; they have limits of their
+        own.
         """
         others = [
             other
             for other in self.connections
-            if isinstance(other, _BoundedHttp) and other is not self and other.idle
+            if isinstance(other, _BoundedHttp)
+            or (isinstance(other, _BoundedSocket) and not other.is_open)
         ]
-        oldest = min(others, key=lambda other: other._since_s, default=self)
-        oldest.transport.abort()
+        left = [other for other in others if not other.transport.is_closing()]
+        min(left, key=lambda other: other.since_s, default=self).transport.abort()
+
+    def _hang_up(self) -> None:
+        """Read no more, and end the connection a while later."""
+        self.floods = True
+        self.transport.pause_reading()
+        self._set_deadline(self.limits.stalled_s)
 
     def on_response_complete(self) -> None:
         """Begin to count anew."""
         super().on_response_complete()
-        self._since_s = self.loop.time()
-        self._set_deadline(self.limits.request_s)
+        self.since_s, self._lines = self.loop.time(), 0
+        if not self.floods:
+            self._set_deadline(self.limits.request_s)
 
     def handle_websocket_upgrade(self, event: Any) -> None:
         """Count no more: sockets stay."""
@@ -146,12 +193,57 @@ class _BoundedHttp(H11Protocol):
 
 
 class _BoundedSocket(WebSocketsSansIOProtocol):
-    """Hangs up on a client that does not take the end of what it is sent."""
+    """Hangs up on a client that floods, or does not take the end of what it is sent."""
 
     limits = ApiLimits()
+    floods = False
+    """Whether it is read no more."""
+    since_s = 0.0
+    """When it was asked for."""
+
+    def connection_made(self, transport: Any) -> None:
+        """Begin to count frames."""
+        super().connection_made(transport)
+        self.since_s = self.loop.time()
+        self._frames = Allowance(self.limits.frames_per_s)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it has been let in, and is read."""
+        return self.handshake_complete and not self.floods
+
+    def data_received(self, data: bytes) -> None:
+        """Hang up on a head that HTTP allows and WebSocket does not: a long one."""
+        super().data_received(data)
+        if not self.handshake_initiated and self.conn.handshake_exc is not None:
+            self.transport.abort()
+
+    def handle_events(self) -> None:
+        """Count frames, also those that are no messages; what has come is handled."""
+        allowed = self._frames.take(len(self.conn.events))
+        super().handle_events()
+        if not (allowed or self.floods):
+            self._hang_up()
+
+    def _hang_up(self) -> None:
+        """Say why, read no more, and end the connection a while later."""
+        self.floods = True
+        if self.handshake_complete and not self.close_sent:
+            most = f"more than {self.limits.frames_per_s:g} frames a second"
+            self.conn.send_close(_POLICY_VIOLATION, most)
+            self.transport.write(b"".join(self.conn.data_to_send()))
+        self.close_sent, self.read_paused = True, False  # so that nobody reads on
+        self.transport.pause_reading()
+        if self.close_timer is not None:
+            self.close_timer.cancel()
+        self.close_timer = self.loop.call_later(
+            self.limits.stalled_s, self.transport.abort
+        )
 
     async def send(self, message: Any) -> None:
         """Count a socket that was refused with an answer as answered."""
+        if self.floods:
+            raise ClientDisconnected
         await super().send(message)
         if message["type"] == "websocket.http.response.body":
             self.handshake_complete = True  # else an error is logged

@@ -1,5 +1,6 @@
 """Access control for every route, socket and file, and for the 3-D view."""
 
+import asyncio
 import hmac
 import ipaddress
 import re
@@ -26,6 +27,7 @@ _STOPS = f"{API}/stop", f"{API}/emergency-stop"
 _SAFE = ("GET", "HEAD", "OPTIONS")
 _ADDRESSES = 1024  # whose requests are counted; more and counting begins anew
 _HOST = re.compile(r"(\[(?P<address>[0-9a-f:.]+)\]|(?P<name>[a-z0-9_.-]+))(:[0-9]*)?")
+_TOO_MANY = 429
 _WILDCARDS = ("", "0.0.0.0", "::")
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
@@ -91,6 +93,8 @@ class Gate:
         if answer is None:
             await self._app(scope, receive, marked)
         else:
+            if answer.status_code == _TOO_MANY:
+                await asyncio.sleep(self._limits.refused_s)
             await answer(scope, receive, marked)
 
     def _answer(self, request: HTTPConnection) -> Response | None:
@@ -104,7 +108,7 @@ class Gate:
         urgent = known and scope["path"] == f"{API}/emergency-stop"
         if not urgent and not self._allowance(request).take():
             most = f"more than {self._limits.requests_per_s:g} requests a second"
-            return problem(429, f"{most}: wait a second", {"retry-after": "1"})
+            return problem(_TOO_MANY, f"{most}: wait a second", {"retry-after": "1"})
         asked = scope.get("method"), scope["path"]
         opens = asked in (("GET", "/"), ("HEAD", "/"))
         if opens and "token" in request.query_params:
