@@ -4,6 +4,8 @@ import asyncio
 import json
 import select
 import socket
+import subprocess
+import sys
 from contextlib import ExitStack, suppress
 
 import h11
@@ -157,6 +159,78 @@ def test_connections_whose_requests_wait_shut_no_stop_out():
         here.loop.until_asked(EmergencyStop)
 
 
+BROKEN = CHUNKED + "zz\r\n"
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "token", "status"),
+    [
+        ("GET", "/x", "", 401),
+        ("GET", f"{API}/state", TOKEN, 200),
+        ("PUT", f"{API}/command", TOKEN, 400),
+        ("PUT", f"{API}/command", "", 401),
+        ("POST", f"{API}/emergency-stop", TOKEN, 202),
+    ],
+)
+def test_a_body_that_is_no_http_is_answered_by_what_was_done(
+    here, caplog, method, path, token, status
+):
+    with connected(here) as mad:
+        mad.sendall((head(method, path, token) + BROKEN).encode())
+        assert mad.recv(12).decode() == f"HTTP/1.1 {status}"
+        with suppress(ConnectionResetError):
+            while mad.recv(65536):
+                pass
+    if status == 202:
+        here.loop.until_asked(EmergencyStop)
+    assert not caplog.records
+
+
+def test_a_body_that_ends_badly_after_its_answer_is_hung_up_on(here, caplog):
+    with connected(here) as mad:
+        mad.sendall((head("GET", "/x", "") + CHUNKED).encode())
+        assert mad.recv(12) == b"HTTP/1.1 401"
+        pour(mad, b"zz\r\n")
+    assert not caplog.records
+
+
+@pytest.mark.parametrize("begun", [b"", BEGUN])
+def test_text_that_is_not_utf_8_closes_its_socket_and_logs_nothing(here, caplog, begun):
+    kind = b"\x80" if begun else TEXT
+    with upgraded(here) as mad:
+        assert mad.recv(12) == b"HTTP/1.1 101"
+        mad.sendall(begun + kind + b"\x82" + MASK + b"\xff\xfe")
+        came = b""
+        with suppress(ConnectionResetError):
+            while new := mad.recv(65536):
+                came = (came + new)[-200:]
+    assert b"\x03\xeftext that is not UTF-8" in came, "1007, and why"
+    assert here.client.get(f"{API}/health").status_code == 200
+    assert not caplog.records
+
+
+def test_a_frame_that_is_none_on_a_socket_not_let_in_logs_nothing(here, caplog):
+    for _ in range(20):
+        with upgraded(here, "/no/such/path") as mad, suppress(OSError):
+            mad.sendall(b"\xff\xff" * 100)
+            while mad.recv(65536):
+                pass
+    assert here.client.get(f"{API}/health").status_code == 200
+    assert not caplog.records
+
+
+def test_what_makes_errors_fills_no_log():
+    program = (
+        "import logging; from gaitchain.service.part import _log\n"
+        "logging.basicConfig(handlers=[_log()])\n"
+        "for _ in range(1000): logging.error('again')"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert 0 < done.stderr.count("again") < 500
+
+
 async def in_a_server(task):
     """Serve nothing, while a task is done with the server and its port."""
     server = server_of(nothing_asked, ApiLimits())
@@ -211,7 +285,9 @@ def test_many_connections_may_wait_to_be_accepted():
                 waiting.add(client)
             deadline = Deadline()
             while waiting and not deadline.passed():  # the server's loop stands still
-                waiting -= set(select.select([], waiting, [], 1.0)[1])
+                for client in select.select([], waiting, [], 1.0)[1]:
+                    assert client.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR) == 0
+                    waiting.remove(client)
             return len(waiting)
 
     assert asyncio.run(in_a_server(connecting)) == 0

@@ -12,6 +12,7 @@ import socket
 from typing import Any
 
 import h11
+import msgspec
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.utils import ClientDisconnected
@@ -20,6 +21,7 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from gaitchain.errors import ServiceError
 from gaitchain.service.api_limits import Allowance, ApiLimits
 from gaitchain.service.own_port import own_port
+from gaitchain.service.schemas import Problem
 
 _SOCKET_BYTES = 1 << 16  # of the system's buffers
 _TURN_BYTES = 1 << 10  # of a connection that are read and handled in one turn
@@ -30,7 +32,9 @@ _ACCEPTED = 16
 # Connections that may wait for that. Where no more fit, the system drops what comes,
 # and a client tries again after a second.
 _WAITING = 512
-_POLICY_VIOLATION = 1008
+_POLICY_VIOLATION, _INVALID_DATA = 1008, 1007
+DAMAGED = "damaged"
+"""Key of a request's state, there if its body was no HTTP and so ended early."""
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -134,6 +138,29 @@ class _BoundedHttp(H11Protocol):
         else:
             super().data_received(data)
 
+    def send_400_response(self, msg: str) -> None:
+        """Answer what is no HTTP, unless the app has the request and answers itself.
+
+        It learns from `scope["state"]` that the body, which is at its end then, is
+        damaged. Where the answer was sent already, there is nothing left to say.
+        """
+        if self.cycle is not None and not self.cycle.response_complete:
+            self.scope["state"][DAMAGED] = True
+            self.cycle.keep_alive = self.cycle.more_body = False
+            self.cycle.message_event.set()
+            return
+        if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
+            self._refuse(msg)
+        self._hang_up()
+
+    def _refuse(self, why: str) -> None:
+        body = msgspec.json.encode(Problem(why))
+        kind = ("content-type", "application/json"), ("connection", "close")
+        headers = [*kind, ("content-length", str(len(body)))]
+        answer = h11.Response(status_code=400, headers=headers, reason=b"Bad Request")
+        for event in (answer, h11.Data(data=body), h11.EndOfMessage()):
+            self.transport.write(self.conn.send(event) or b"")
+
     def _lines_in(self, data: bytes) -> int:
         """Return how many lines of a head or of chunks there are; a body has none."""
         if self.conn.their_state is not h11.SEND_BODY:
@@ -225,6 +252,22 @@ class _BoundedSocket(WebSocketsSansIOProtocol):
         if not (allowed or self.floods):
             self._hang_up()
 
+    def send_receive_event_to_app(self) -> None:
+        """End a socket whose text is not UTF-8; uvicorn would log each one."""
+        if self.curr_msg_data_type == "text" and not _is_text(b"".join(self.frames)):
+            self.frames = []
+            self.conn.fail(_INVALID_DATA, "text that is not UTF-8")
+            self.handle_parser_exception()
+        else:
+            super().send_receive_event_to_app()
+
+    def handle_parser_exception(self) -> None:
+        """End a socket that sent what is none; at once where it is not open."""
+        if self.close_sent or self.conn.close_sent is None:
+            self.transport.abort()
+        else:
+            super().handle_parser_exception()
+
     def _hang_up(self) -> None:
         """Say why, read no more, and end the connection a while later."""
         self.floods = True
@@ -252,3 +295,11 @@ class _BoundedSocket(WebSocketsSansIOProtocol):
         """Drop what is still unsent a while after the app has done with the client."""
         super().on_task_complete(task)
         self.loop.call_later(self.limits.stalled_s, self.transport.abort)
+
+
+def _is_text(data: bytes) -> bool:
+    try:
+        data.decode()
+    except UnicodeDecodeError:
+        return False
+    return True

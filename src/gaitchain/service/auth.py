@@ -16,6 +16,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from gaitchain.service.api_limits import Allowance, ApiLimits
+from gaitchain.service.api_transport import DAMAGED
 from gaitchain.service.schemas import Problem
 from gaitchain.service.settings import Settings
 
@@ -85,7 +86,9 @@ class Gate:
                 marked = _closing(marked)
         elif answer is None and writes:
             body = await _body(receive, self._limits.body_bytes)
-            if body is None:
+            if scope["state"].get(DAMAGED):
+                answer = problem(400, "the body is no valid HTTP")
+            elif body is None:
                 limit = f"the body is larger than {self._limits.body_bytes} bytes"
                 answer = problem(413, limit, {"connection": "close"})
             else:

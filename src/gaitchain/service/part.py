@@ -13,6 +13,7 @@ from importlib import import_module
 from pathlib import Path
 
 from gaitchain.errors import GaitchainError, needed_by
+from gaitchain.service.api_limits import Allowance
 
 MODULES = {
     "loop": "gaitchain.service.loop_part",
@@ -22,6 +23,7 @@ MODULES = {
     "ros": "gaitchain.service.ros_part",
     "player": "gaitchain.service.player_part",
 }
+_LOGGED_PER_S, _LOGGED_AT_ONCE = 0.1, 20  # so that no client can fill a disk with them
 _PATIENT = 5  # niceness of all parts but those that must keep up with the loop
 _PROMPT = ("loop", "log")
 REFUSED = 2
@@ -37,7 +39,7 @@ def main() -> int:
         The exit code: 0 ended as asked, 2 bad input.
     """
     name, folder = sys.argv[1], Path(sys.argv[2])
-    logging.basicConfig(format=f"gaitchain {name}: %(message)s")
+    logging.basicConfig(format=f"gaitchain {name}: %(message)s", handlers=[_log()])
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     ended = threading.Event()
     # An exception out of a handler could get lost in whatever runs just then.
@@ -52,6 +54,14 @@ def main() -> int:
         print(f"gaitchain: {error}", file=sys.stderr)
         return REFUSED
     return 0
+
+
+def _log() -> logging.Handler:
+    """Return what writes errors to the terminal, and leaves out what is too many."""
+    handler = logging.StreamHandler()
+    allowance = Allowance(_LOGGED_PER_S, _LOGGED_AT_ONCE)
+    handler.addFilter(lambda _: allowance.take())
+    return handler
 
 
 def _end_with_parent(ended: threading.Event) -> None:
