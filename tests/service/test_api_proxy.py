@@ -65,6 +65,9 @@ class View:
         for message in connection:
             if message == "close":
                 return
+            if message == "refuse":
+                connection.close(1002, "another version of the view")
+                return
             if message == "die":
                 connection.socket.shutdown(socket.SHUT_RDWR)
                 return
@@ -173,6 +176,30 @@ def test_a_socket_without_a_protocol_is_passed_on(pair):
         with pytest.raises(ConnectionClosed) as closed:
             talking.recv(timeout=PATIENCE_S)
     assert closed.value.rcvd.code == 1012
+
+
+def test_why_the_view_takes_a_client_no_more_is_passed_on(pair):
+    _, here = pair
+    with here.socket("/viewer") as talking:
+        talking.recv(timeout=PATIENCE_S)
+        talking.send("refuse")
+        with pytest.raises(ConnectionClosed) as closed:
+            talking.recv(timeout=PATIENCE_S)
+    told = closed.value.rcvd
+    assert (told.code, told.reason) == (1002, "another version of the view")
+
+
+@pytest.mark.parametrize("given", [{}, {"Accept-Encoding": "gzip"}])
+def test_a_file_is_packed_only_for_who_takes_that(pair, given):
+    view, here = pair
+    view.asked.clear()
+    request = here.client.build_request("GET", "/viewer/")
+    del request.headers["accept-encoding"]  # httpx's own
+    request.headers.update(given)
+    assert here.client.send(request).content == PAGE
+    assert view.asked[0].headers["accept-encoding"] == (
+        given.get("Accept-Encoding", "identity")
+    )
 
 
 def test_a_stranger_reaches_no_view(pair):

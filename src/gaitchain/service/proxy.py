@@ -27,6 +27,13 @@ _QUEUED = 4  # messages read ahead from the view
 _CONNECT_S, _CLOSE_S = 5.0, 1.0
 _PROTOCOLS = 8
 _AWAY = 1012
+_REFUSALS = (
+    1002,
+    1003,
+    1007,
+    1008,
+    1009,
+)  # what the view does not take of a client
 _AGAIN_S = "2"
 _DOWN = "the 3-D view is not there: it is being restarted"
 
@@ -64,7 +71,9 @@ class Viewer:
         if len(path) > _PATH_CHARACTERS:
             return problem(414, f"a path of more than {_PATH_CHARACTERS} characters")
         url = f"http://127.0.0.1:{self._port}/{path}"
-        asked = {n: request.headers[n] for n in _ASKED if n in request.headers}
+        # Where the client says nothing of it, httpx would ask for a packed answer.
+        asked = {"accept-encoding": "identity"}
+        asked |= {n: request.headers[n] for n in _ASKED if n in request.headers}
         # As bytes: of a str, httpx takes ASCII only, and clients may send more.
         headers = {
             name.encode(): value.encode("latin-1")
@@ -84,20 +93,28 @@ class Viewer:
 
     async def socket(self, socket: WebSocket) -> None:
         """Pass a socket's messages on in both directions until one side leaves."""
-        from websockets.exceptions import WebSocketException  # noqa: PLC0415
+        from websockets.exceptions import (  # noqa: PLC0415
+            ConnectionClosed,
+            WebSocketException,
+        )
 
         if self.clients >= self._limits.viewers:
             full = f"{self._limits.viewers} clients have the 3-D view open: close one"
             await socket.send_denial_response(problem(503, full))
             return
         self.clients += 1
+        why = _AWAY, _DOWN
         try:
             view = await self._connected(socket.scope["subprotocols"])
             async with view:
                 await socket.accept(view.subprotocol)
                 await self._pass_on(socket, view)
+        except ConnectionClosed as closed:
+            if closed.rcvd is not None and closed.rcvd.code in _REFUSALS:
+                why = closed.rcvd.code, closed.rcvd.reason
+            await _give_up(socket, *why)
         except (OSError, WebSocketException, WebSocketDisconnect):
-            await _give_up(socket)
+            await _give_up(socket, *why)
         finally:
             self.clients -= 1
 
@@ -172,11 +189,11 @@ async def _whole(answer: "httpx.Response") -> bytes | None:
     return body
 
 
-async def _give_up(socket: WebSocket) -> None:
+async def _give_up(socket: WebSocket, code: int, why: str) -> None:
     """Refuse a socket that was not accepted yet, close one that was."""
     with suppress(WebSocketDisconnect, RuntimeError, OSError):
         async with asyncio.timeout(_CLOSE_S):
             if socket.application_state is WebSocketState.CONNECTING:
                 await socket.send_denial_response(problem(503, _DOWN))
             else:
-                await socket.close(_AWAY, _DOWN)
+                await socket.close(code, why)
