@@ -1,6 +1,7 @@
 """Logs of processes that are killed, whose disk is full, or that end in good order."""
 
 import select
+import shutil
 import signal
 import subprocess
 import sys
@@ -112,6 +113,22 @@ def test_a_log_that_cannot_begin_is_told_once_and_tried_again(tmp_path):
     found, _ = steps(place / "walk.mcap")
     assert found[-1] == 2999
     assert len(found) >= 900
+
+
+def test_a_log_whose_folder_is_removed_is_told_and_goes_on(tmp_path):
+    said, now_s = [], 0.0
+    path = tmp_path / "logs" / "walk.mcap"
+    logger = Logger(path, LIBRARY, said.append, lambda: now_s)
+    for tick in range(3000):
+        now_s = 0.01 * tick
+        if tick == 500:
+            shutil.rmtree(path.parent)
+        logger.write(told(RES, now_s, steps=tick))
+    logger.close()
+    assert "walk.mcap: cannot be written: somebody has removed" in said[0]
+    again = path.with_name("walk-2.mcap")
+    assert said[1:] == [f"the log goes on in {again}"]
+    assert steps(again)[0][-1] == 2999
 
 
 def test_an_older_log_is_never_written_over(tmp_path):

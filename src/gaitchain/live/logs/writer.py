@@ -99,6 +99,15 @@ class LogFile:
         with self._writing():
             self._writer.flush()
             os.fsync(self._stream.fileno())
+            self._check_there()
+
+    def _check_there(self) -> None:
+        """Raise OSError if what is written is no more where it was begun."""
+        with suppress(FileNotFoundError):
+            found = self.path.stat(), os.fstat(self._stream.fileno())
+            if os.path.samestat(*found):
+                return
+        raise FileNotFoundError(errno.ENOENT, "somebody has removed or replaced it")
 
     def close(self, lost: int = 0) -> None:
         """End the file with its index.
