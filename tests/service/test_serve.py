@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from commands import call
@@ -126,6 +127,22 @@ def test_a_stop_outlives_the_loop_that_was_told(walking):
     walking.until(lambda: walking.reason("emergency stop by rest"))
     assert walking.mode("stopped")
     # Its requests may reconnect later than its telemetry.
+    walking.until(lambda: walking.client.post("api/v1/reset").status_code == 202)
+    walking.until(lambda: walking.mode("standing"))
+
+
+def test_a_stop_outlives_its_loop_and_the_files_of_the_service(walking):
+    """As a program that cleans the folder of temporary files takes them."""
+    walking.client.post("api/v1/emergency-stop")
+    walking.until(lambda: walking.mode("stopped"))
+    words = Path(f"/proc/{walking.part('loop')}/cmdline").read_bytes().split(b"\0")
+    for file in Path(os.fsdecode(words[4])).iterdir():
+        if file.is_file():
+            file.unlink()
+    killed = walking.kill("loop")
+    walking.until(lambda: walking.part("loop") not in (None, killed))
+    walking.until(walking.answers)
+    walking.until(lambda: walking.reason("emergency stop by rest"))
     walking.until(lambda: walking.client.post("api/v1/reset").status_code == 202)
     walking.until(lambda: walking.mode("standing"))
 

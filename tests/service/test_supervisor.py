@@ -1,6 +1,7 @@
 """How the supervisor tells a loop that is slow from one that is dead."""
 
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -8,7 +9,7 @@ import sys
 import threading
 import time
 import webbrowser
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
@@ -22,7 +23,7 @@ from gaitchain.live.messages import Mode, TroubleKind
 from gaitchain.service import supervisor
 from gaitchain.service.channel import LoopEnd
 from gaitchain.service.pulse import Pulse, Turn, Vitals, turn_of
-from gaitchain.service.settings import Settings, save_settings
+from gaitchain.service.settings import Settings, load_settings, save_settings
 
 ENDS = signal.SIGHUP, signal.SIGINT
 BEATS = """
@@ -251,6 +252,28 @@ def test_a_stop_is_remembered_until_the_robot_may_move_again(tmp_path):
     assert pulse.held == ""
     loop.close()
     pulse.close()
+
+
+def test_a_stop_is_remembered_though_the_files_are_removed(watcher, tmp_path):
+    watch, _, _ = watcher
+    with closing(Pulse(tmp_path)) as loop:
+        for file in tmp_path.iterdir():
+            file.unlink()
+        loop.hold("emergency_stop: by somebody")
+    watch._put_back()
+    assert load_settings(tmp_path) == watch._settings
+    with closing(Pulse(tmp_path)) as again:
+        assert again.held == "emergency_stop: by somebody"
+        before = watch._pulse.beats
+        again.beat()
+        assert watch._pulse.beats == before + 1
+
+
+def test_a_service_without_its_folder_ends_in_one_line(watcher, tmp_path):
+    watch, _, _ = watcher
+    shutil.rmtree(tmp_path)
+    with pytest.raises(ServiceError, match="cannot be written"):
+        watch._put_back()
 
 
 def test_a_loop_that_is_started_again_says_so_to_the_next_watch(watcher):

@@ -33,12 +33,29 @@ class Pulse:
 
     def __init__(self, folder: Path, name: str = _FILE) -> None:
         """Open that of a folder, or make it; by name, where there are several."""
-        file = os.open(folder / name, os.O_RDWR | os.O_CREAT, 0o600)
+        self._path = folder / name
+        self._shared = self._opened()
+
+    def _opened(self) -> mmap.mmap:
+        file = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o600)
         try:
             os.ftruncate(file, _SIZE)
-            self._shared = mmap.mmap(file, _SIZE)
+            self._file = os.fstat(file)
+            return mmap.mmap(file, _SIZE)
         finally:
             os.close(file)
+
+    def put_back(self) -> None:
+        """Make the file anew, with all that was in it, if somebody has removed it.
+
+        Whoever has it open still shares the old one; a process that starts, the new.
+        """
+        with suppress(FileNotFoundError):
+            if os.path.samestat(self._path.stat(), self._file):
+                return
+        before, self._shared = self._shared, self._opened()
+        self._shared[:] = before[:]
+        before.close()
 
     def beat(self) -> None:
         """Say that the process is alive, and done with starting."""

@@ -65,6 +65,11 @@ def save_settings(settings: Settings, folder: Path) -> None:
     new.replace(folder / _FILE)  # whole at any moment: parts read it when they start
 
 
+def are_saved(folder: Path) -> bool:
+    """Return whether a folder has what `save_settings` wrote."""
+    return (folder / _FILE).exists()
+
+
 def load_settings(folder: Path) -> Settings:
     """Read what `save_settings` wrote."""
     return msgspec.json.decode((folder / _FILE).read_bytes(), type=Settings)

@@ -8,12 +8,10 @@ off, or with a simulated robot standing.
 import errno
 import os
 import secrets
-import shutil
 import signal
 import socket
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 import webbrowser
@@ -26,7 +24,7 @@ from urllib.parse import quote
 
 import msgspec
 
-from gaitchain.errors import ServiceError
+from gaitchain.errors import ServiceError, file_errors
 from gaitchain.live.messages import Note, Shutdown
 from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.ends import known_ends
@@ -41,7 +39,8 @@ from gaitchain.service.pulse import (
     part_pulse,
     turn_of,
 )
-from gaitchain.service.settings import Settings, save_settings
+from gaitchain.service.service_folder import service_folder
+from gaitchain.service.settings import Settings, are_saved, save_settings
 
 _START_S = 120.0  # a loop that starts may do so long without a word of what it does
 _SAY_S, _SAY_AGAIN_S = 3.0, 10.0  # when a start that takes long is said
@@ -77,6 +76,7 @@ class Part:
     def start(self) -> None:
         """Start the process, a first time or again."""
         self._starts.append(time.monotonic())
+        self._pulse.put_back()
         self._pulse.say(_STARTING)
         command = [sys.executable, "-m", "gaitchain.service.part"]
         self.process = subprocess.Popen(
@@ -200,7 +200,8 @@ class Supervisor:
         if not self._await_loop(self._parts[self._driver]):
             return False
         # A loop that is started again may find the servos' supply off.
-        save_settings(msgspec.structs.replace(self._settings, waits=True), self._folder)
+        self._settings = msgspec.structs.replace(self._settings, waits=True)
+        save_settings(self._settings, self._folder)
         for name in self._others:
             self._parts[name] = Part(name, self._folder)
         return True
@@ -259,10 +260,24 @@ class Supervisor:
         if part.hopeless or (code == REFUSED and part.name != self._driver):
             self._give_up(part, how)
             return
+        self._put_back()
         if part.name == self._driver:
             self._pulse.say(_STARTING)
         part.start()
         self._report(f"the {part.name} part ended with {how} and was started again")
+
+    def _put_back(self) -> None:
+        """Make anew what a part needs to start, and somebody may have removed.
+
+        Programs that clean the folder of temporary files take what looks old.
+
+        Raises:
+            ServiceError: the whole folder is gone.
+        """
+        with file_errors(self._folder, "written", ServiceError):
+            if not are_saved(self._folder):
+                save_settings(self._settings, self._folder)
+            self._pulse.put_back()
 
     def _give_up(self, part: Part, how: str) -> None:
         """Go on without a part, unless nobody could drive without it."""
@@ -337,13 +352,10 @@ def serve(
         viewer_port=free_port("127.0.0.1", 0),
         viewer_secret=secrets.token_urlsafe(),
     )
-    folder = Path(tempfile.mkdtemp(prefix="gaitchain-"))  # of this user alone
-    try:
+    with service_folder() as folder:
         save_settings(settings, folder)
         supervisor = Supervisor(settings, folder, say)
         return supervisor.run(open_browser=open_browser, shows_token=shows_token)
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _ends() -> Iterator[int]:
