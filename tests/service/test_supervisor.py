@@ -416,9 +416,10 @@ def test_a_part_that_dies_too_often_stays_dead(every_s, starts, is_hopeless):
 def test_no_robot_stands_where_nobody_can_stop_it(watcher, tmp_path, monkeypatch):
     watch, said, _ = watcher
     monkeypatch.setattr(supervisor, "_TOO_OFTEN", ((2, 60.0),))
+    (tmp_path / "settings.json").write_text("{")  # the part ends as it starts
     with idle_part() as loop:
         watch._parts["loop"] = loop
-        watch._parts["api"] = api = supervisor.Part("api", tmp_path)  # has no settings
+        watch._parts["api"] = api = supervisor.Part("api", tmp_path)
         with pytest.raises(ServiceError, match=r"api part .* nobody could stop"):
             until(watch._watch)
         watch._settings = Settings(library="", ros="zenoh")  # its services stop it
