@@ -182,9 +182,8 @@ def _secret(options: Serve) -> tuple[str, str]:
         known = os.environ.get(_VARIABLE)
         return known or "", "" if known is None else f"the variable {_VARIABLE}"
     if str(file) == "-":
-        return sys.stdin.readline(
-            _LONGEST + 1
-        ).strip(), "the first line of standard input"
+        text = sys.stdin.readline(_LONGEST + 1)
+        return text.strip(), "the first line of standard input"
     # Also a pipe, as of `<(pass show robot)`.
     with file_errors(file, "read", CommandError), file.open("rb") as opened:
         text = opened.readline(_LONGEST + 1).decode("utf-8", "replace")

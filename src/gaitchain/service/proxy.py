@@ -27,13 +27,7 @@ _QUEUED = 4  # messages read ahead from the view
 _CONNECT_S, _CLOSE_S = 5.0, 1.0
 _PROTOCOLS = 8
 _AWAY = 1012
-_REFUSALS = (
-    1002,
-    1003,
-    1007,
-    1008,
-    1009,
-)  # what the view does not take of a client
+_REFUSALS = 1002, 1003, 1007, 1008, 1009  # of the view: what it does not take
 _AGAIN_S = "2"
 _DOWN = "the 3-D view is not there: it is being restarted"
 

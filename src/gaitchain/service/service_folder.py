@@ -52,11 +52,10 @@ def _locked(folder: Path, *, exclusive: bool) -> int | None:
     """Lock a folder; return what holds the lock, None if that fails."""
     if fcntl is None:
         return None
+    kind = fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH
     file = os.open(folder, os.O_RDONLY)
     try:
-        fcntl.flock(
-            file, (fcntl.LOCK_EX if exclusive else fcntl.LOCK_SH) | fcntl.LOCK_NB
-        )
+        fcntl.flock(file, kind | fcntl.LOCK_NB)
     except OSError:
         os.close(file)
         return None
