@@ -18,10 +18,10 @@ from gaitchain.analysis.record import SUPPORTS, Limit, WalkRecord, joint_names
 from gaitchain.errors import GaitchainError, RecordError, file_errors, names_apart
 from gaitchain.gait.file_kind import other_kind
 from gaitchain.gait.motion import Timing
-from gaitchain.gait.whole_file import read_file, replace_file
 from gaitchain.messages import Command, PanelMessage
 from gaitchain.robot.robot import Robot
 from gaitchain.robot.storage import PREFIX, robot_arrays, robot_facts, robot_from
+from gaitchain.robot.whole_file import read_file, replace_file
 from gaitchain.walker.generator import Decision
 
 SCHEMA = 1

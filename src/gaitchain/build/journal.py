@@ -13,7 +13,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from gaitchain.errors import JournalError, file_errors
-from gaitchain.gait.whole_file import replace_file
+from gaitchain.robot.whole_file import replace_file
 
 PACKAGES = ("gaitchain", "mujoco", "numpy", "numba", "scipy", "cmaes")
 """Packages that determine results: another version of one may give other digits."""

@@ -33,8 +33,8 @@ from gaitchain.errors import (
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library, save_library
-from gaitchain.gait.whole_file import replace_file
 from gaitchain.robot.robot import Robot
+from gaitchain.robot.whole_file import replace_file
 
 _CONFIGURED = {field.name for field in fields(BuildConfig)}
 

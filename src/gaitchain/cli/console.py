@@ -29,7 +29,7 @@ from gaitchain.cli.endings import interrupts_kept
 from gaitchain.cli.options import ReportOptions
 from gaitchain.errors import CommandError, UnfinishedError, file_errors
 from gaitchain.gait.file_kind import Kind, kind_of
-from gaitchain.gait.whole_file import resolved
+from gaitchain.robot.whole_file import resolved
 
 _T = TypeVar("_T")
 _STDOUT = Path("-")

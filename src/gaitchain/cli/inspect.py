@@ -24,10 +24,10 @@ from gaitchain.gait.keypose.table1_closure import Closure, closure_report
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, load_library
 from gaitchain.gait.qualification import CellReport
-from gaitchain.gait.whole_file import open_file
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.robot.reduced_biped import is_boxes, quantity_units
 from gaitchain.robot.robot import Robot
+from gaitchain.robot.whole_file import open_file
 from gaitchain.sim.world import DISTURBANCES
 
 _PEEK = 4096  # bytes read to identify the type of a file

@@ -30,7 +30,7 @@ from pathlib import Path
 from typing import Any
 
 from gaitchain.errors import RobotFileError
-from gaitchain.gait.whole_file import read_file
+from gaitchain.robot.whole_file import read_file
 
 _MOST_BYTES = 1_000_000
 _KEYS = ("forward", "up", "legs", "foot", "sole", "servo", "stand")

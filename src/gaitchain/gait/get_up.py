@@ -8,9 +8,9 @@ import numpy as np
 from msgspec import Meta
 
 from gaitchain.errors import LibraryError, file_errors
-from gaitchain.gait.whole_file import read_file, replace_file
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
+from gaitchain.robot.whole_file import read_file, replace_file
 
 Side = Literal["front", "back"]
 """What the robot lies on."""

@@ -25,10 +25,10 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.qualification import GridVerdict, Qualification
 from gaitchain.gait.slide import Slide, Slides
-from gaitchain.gait.whole_file import read_file, replace_file
 from gaitchain.robot.compare import differences
 from gaitchain.robot.robot import Robot
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
+from gaitchain.robot.whole_file import read_file, replace_file
 
 SCHEMA = 10
 _KEY = "gaitchain"  # the only metadata entry, as the order of several is not defined

@@ -15,9 +15,9 @@ from safetensors.numpy import load, save
 
 from gaitchain.errors import LogError, file_errors
 from gaitchain.gait.file_kind import other_kind
-from gaitchain.gait.whole_file import read_file, replace_file
 from gaitchain.live.exercise import Motion, Support
 from gaitchain.messages import Array
+from gaitchain.robot.whole_file import read_file, replace_file
 from gaitchain.walker.sensor_check import ABSURD
 
 _KEY, _KIND, _SCHEMA = "gaitchain", "exercise", 1

@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gaitchain.errors import CommandError, file_errors
-from gaitchain.gait.whole_file import replace_file
 from gaitchain.messages import Array
 from gaitchain.rl.cycle import best_degree, fit_polynomials, mean_cycle, mean_period
 from gaitchain.rl.frames import Motion
 from gaitchain.rl.motions import Plan
+from gaitchain.robot.whole_file import replace_file
 
 _OPEN_DUCK_HZ = 50  # its control rate, at which its reader counts the frames
 _INDEX, _INDEX_HEADS = "index.csv", "file,vx [m/s],vy [m/s],yaw_rate [rad/s]"

@@ -16,12 +16,14 @@ from gaitchain.robot.kinematics import link_inertias
 from gaitchain.robot.leg_model import LegModel
 from gaitchain.robot.reduced_biped import ReducedBiped, builtin_robots, parse_biped
 from gaitchain.robot.robot import Robot
+from gaitchain.robot.whole_file import read_file
 
 JOINTS = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll")
 JOINT_NAMES = tuple(f"{side}_{j}" for side in ("left", "right") for j in JOINTS)
 KNEE = 3
 _AXES = np.eye(3)[[2, 0, 1, 1, 1, 0]]
 _BENT = np.array([0.0, 0.0, -0.45, 1.1, -0.65, 0.0])  # rad; knees bent as in walking
+_MOST_BYTES = 1_000_000  # of a robot's numbers
 _FOOT, _CRUS, _FEMUR, _TRUNK = 0, 1, 2, 3  # indices into `kinematics.LINKS`
 
 
@@ -111,7 +113,7 @@ def _both(leg: Array) -> Array:
 
 def _read(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return read_file(path, _MOST_BYTES).decode()
     except (OSError, ValueError) as error:
         known = ", ".join(builtin_robots())
         reason = error.strerror if isinstance(error, OSError) else "not a text file"

@@ -18,8 +18,8 @@ from gaitchain.backends.dynamixel.calibration import (
     check_robot,
 )
 from gaitchain.errors import CalibrationError, file_errors
-from gaitchain.gait.whole_file import read_file, replace_file
 from gaitchain.robot.robot import Robot
+from gaitchain.robot.whole_file import read_file, replace_file
 
 _MOST_BYTES = 1_000_000
 _T = TypeVar("_T", bound=msgspec.Struct)

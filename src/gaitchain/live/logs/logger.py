@@ -15,10 +15,10 @@ import msgspec
 
 from gaitchain.errors import LogError
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.whole_file import replace_file
 from gaitchain.live.logs.gaps import Gaps
 from gaitchain.live.logs.writer import LogFile
 from gaitchain.live.messages import Telemetry
+from gaitchain.robot.whole_file import replace_file
 
 SYNC_S = 0.5
 """What is older is on the disk [s]."""

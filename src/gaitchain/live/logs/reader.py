@@ -16,12 +16,12 @@ from gaitchain.backends.base import truth_sizes
 from gaitchain.errors import LibraryError, LogError, file_errors
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import parse_library
-from gaitchain.gait.whole_file import open_file
 from gaitchain.live.logs import chunks, writer
 from gaitchain.live.logs.gaps import Gaps
 from gaitchain.live.logs.packing import unpack
 from gaitchain.live.logs.writer import TYPED_TROUBLE
 from gaitchain.live.messages import Mode, Telemetry, TroubleKind
+from gaitchain.robot.whole_file import open_file
 
 SUFFIX = ".mcap"
 _LARGEST = 64 << 20  # bytes of a record; none of ours comes near

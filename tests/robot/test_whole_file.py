@@ -11,10 +11,10 @@ from gaitchain.discover.profile import load_profile
 from gaitchain.errors import GaitchainError
 from gaitchain.gait.get_up import load_get_up
 from gaitchain.gait.library_file import load_library
-from gaitchain.gait.whole_file import read_file, replace_file, resolved
 from gaitchain.identify.log import load_log
 from gaitchain.live.logs.reader import read_log
 from gaitchain.robot.box_robot import load_box_robot
+from gaitchain.robot.whole_file import read_file, replace_file, resolved
 
 READERS = [
     load_library,
@@ -23,6 +23,7 @@ READERS = [
     load_profile,
     load_log,
     read_log,
+    load_box_robot,
     lambda path: load_get_up(path, load_box_robot("res")),
 ]
 
