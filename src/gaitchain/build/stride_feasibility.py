@@ -116,14 +116,16 @@ def feasible_walk(
 def first_fault(poses: StridePoses, timing: Timing, speed_limit: float | Array) -> str:
     """Return why the shortest stride is not feasible, from standing or after itself.
 
-    Arguments are those of `feasible_pairs`; empty if it is feasible.
+    Arguments are those of `feasible_pairs`; empty if it is feasible. Of limits of the
+    joints it says what the whole step would need.
     """
     rehearsal = _Rehearsal(poses, timing, speed_limit)
     shortest = 1 + int(np.argmin(np.abs(poses.strides[1:]).sum(axis=1)))
     for first in (STAND, shortest):
-        if not rehearsal.step(rehearsal.after(first, shortest), shortest):
-            break
-    return rehearsal.fault
+        start = rehearsal.after(first, shortest)
+        if not rehearsal.step(start, shortest):
+            return rehearsal.needed(start, shortest) or rehearsal.fault
+    return ""
 
 
 def furthest_strides(
@@ -281,6 +283,17 @@ class _Rehearsal:
             )
         return not self.fault
 
+    def needed(self, start: Snapshot, stride: int) -> str:
+        """Return what a step needs of joints that have less; empty if they have it."""
+        self._walk.restore(start)
+        goal, joints, speeds = self._poses.goal(0, 0, stride), [], []
+        for before in rehearse(self._walk, [goal]):
+            if self._walk.phase != SHIFT:
+                joints.append(self._walk.reference)
+                speeds.append(np.abs(joints[-1] - before) / CONTROL_PERIOD_S)
+        slow, short = self._too_fast(np.max(speeds, axis=0)), self._beyond(joints)
+        return ", and ".join(filter(None, (slow, short)))
+
     def _make(self, target: StepTarget) -> None:
         """Make a step; end it with a `fault` at the first violated limit."""
         walk = self._walk
@@ -297,7 +310,7 @@ class _Rehearsal:
     def _fault_of(self, joints: Array, before: Array) -> str:
         """Return which limit these joints (2 n,) exceed [rad]."""
         speeds = np.abs(joints - before) / CONTROL_PERIOD_S
-        return self._too_fast(speeds) or self._beyond(joints) or _STRAIGHT
+        return self._too_fast(speeds) or self._beyond([joints]) or _STRAIGHT
 
     def _too_fast(self, speeds: Array) -> str:
         most = self._most_speed
@@ -310,17 +323,18 @@ class _Rehearsal:
             f"its limit is {limit:.2f}"
         )
 
-    def _beyond(self, joints: Array) -> str:
-        legs = self._walk.legs
+    def _beyond(self, joints: list[Array]) -> str:
+        legs, all_joints = self._walk.legs, np.array(joints)
         middle, half = 0.5 * (legs.upper + legs.lower), 0.5 * (legs.upper - legs.lower)
-        over = np.abs(joints - middle) - _ANGLE_HEADROOM * half
-        joint = int(np.argmax(over))
-        if over[joint] <= 0.0:
+        over = np.abs(all_joints - middle) - _ANGLE_HEADROOM * half
+        row, joint = np.unravel_index(np.argmax(over), over.shape)
+        if not over[row, joint] > 0.0:
             return ""
         low, high = np.degrees([legs.lower[joint], legs.upper[joint]])
         return (
-            f"{self._name(joint)} would go beyond its range of {low:.1f} to {high:.1f} "
-            "deg, or too near to its end"
+            f"{self._name(int(joint))} would have to turn to "
+            f"{np.degrees(all_joints[row, joint]):.1f} deg, its range is {low:.1f} to "
+            f"{high:.1f} and plans use {_ANGLE_HEADROOM:.0%} of it"
         )
 
     def _name(self, joint: int) -> str:
