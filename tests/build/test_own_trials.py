@@ -15,6 +15,7 @@ from gaitchain.build.command_envelope import hold_own
 from gaitchain.build.gate import gate_own
 from gaitchain.build.own_model import own_model
 from gaitchain.build.own_trials import (
+    changes_since_gate,
     describe_own_model,
     own_fault,
     run_own_trials,
@@ -25,6 +26,7 @@ from gaitchain.build.workers import Crew
 from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.errors import ChainError, CommandError
 from gaitchain.gait.build_config import BuildConfig
+from gaitchain.gait.library_file import save_library
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import CONTROL_PERIOD_S, Command
 from gaitchain.robot.box_robot import load_box_robot
@@ -149,7 +151,7 @@ def test_another_robots_file_is_refused(toy_path, toy_library, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_steady_walks")
-def test_the_gate_says_what_was_walked(toy_path, toy_library):
+def test_the_gate_says_what_was_walked(toy_path, toy_library, tmp_path, capsys):
     gated = gate_own(toy_library, config(toy_path), CREW)
     own = gated.qualification.own
     assert (own.passed, own.schedules, own.survived) == (True, 2, 2)
@@ -158,6 +160,19 @@ def test_the_gate_says_what_was_walked(toy_path, toy_library):
     assert own.model.friction == 1.0
     assert own.model.integrator == ""
     assert gated.qualified
+    assert changes_since_gate(toy_path, gated) == ""
+    assert changes_since_gate(toy_path, toy_library) == ""  # none was walked
+    slippery = tmp_path / "toy.xml"
+    floor = toy().replace('size="0.09', 'friction="0.2" solref="0.03 1" size="0.09')
+    slippery.write_text(floor, "utf-8")
+    save_library(gated, tmp_path / "toy.gait")
+    words = "--own-model", slippery, "--runs", 1, "--workers", 1
+    walk = "--schedule", "0.1,0,0@1"
+    _, out, err = call(capsys, "trial", tmp_path / "toy.gait", *words, *walk)
+    said = " ".join((out + err).split())
+    assert (
+        "friction of the soles 0.2 (1), time constant of the contacts [ms] 30 (" in said
+    )
 
 
 @pytest.mark.slow

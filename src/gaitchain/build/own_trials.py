@@ -37,6 +37,13 @@ from gaitchain.walker.walker import Walker
 KNOWN = ("slope_deg", "servo_gain", "model_error")
 """Fields of a `World` that a robot's own model has; all else is the file's."""
 _SAME_GAINS = 1e-3
+_OF_MODEL = {
+    "friction": ("friction of the soles", 1.0),
+    "contact_s": ("time constant of the contacts [ms]", 1000.0),
+    "timestep_s": ("time step [ms]", 1000.0),
+    "joints": ("number of joints", 1.0),
+    "actuators": ("number of actuators", 1.0),
+}
 _STANDS = round(1.0 / CONTROL_PERIOD_S)  # control periods for which a model must stand
 
 
@@ -105,6 +112,36 @@ def describe_own_model(file: str | Path, library: GaitLibrary) -> OwnModel:
         step=alone.step,
         left_out=len(pulling_at(alone.spec, library.robot.legs.joint_names)),
         gains=backend.gains,
+    )
+
+
+def changes_since_gate(file: str | Path, library: GaitLibrary) -> str:
+    """Say what of a robot's model is otherwise than in the one that the gate walked.
+
+    Args:
+        file: see `run_own_trials`.
+        library: of that robot.
+
+    Returns:
+        A sentence; empty if all is as it was, or none was walked.
+
+    Raises:
+        CommandError: the file is that of another robot, or cannot be simulated.
+    """
+    own = library.qualification.own
+    if own is None or own.model is None:
+        return ""
+    walked, now = own.model, describe_own_model(file, library)
+    found = [
+        f"{what} {scale * getattr(now, name):g} ({scale * getattr(walked, name):g})"
+        for name, (what, scale) in _OF_MODEL.items()
+        if not math.isclose(getattr(now, name), getattr(walked, name), rel_tol=1e-6)
+    ]
+    if not found:
+        return ""
+    return (
+        f"{file} differs from the model that the library was qualified in, in "
+        f"{', '.join(found)}"
     )
 
 

@@ -174,10 +174,12 @@ def _earlier(config: BuildConfig, path: Path, robot: Robot) -> GaitLibrary | Non
     except LibraryError as error:
         why = str(error)
     else:
-        if library.config == config and code == code_digest():
+        same = library.robot.in_file.fingerprint == robot.in_file.fingerprint
+        fits = same and library.config == config
+        if fits and code == code_digest():
             return library
-        fits = library.config == config
-        why = f"{path} {'was built by other code' if fits else 'is of another config'}"
+        other = "was built by other code" if fits else "is of another config or robot"
+        why = f"{path} {other}"
     if built != _digest(path):
         raise LibraryError(
             f"{why}; it is not as it was built here, so it stays: name it as the "

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gaitchain.build import trial as walks
-from gaitchain.build.own_trials import run_own_trials
+from gaitchain.build.own_trials import changes_since_gate, run_own_trials
 from gaitchain.build.trial import TrialRun
 from gaitchain.cli.console import print_table, say, watched
 from gaitchain.cli.libraries import read_library
@@ -89,6 +89,8 @@ def _walked(options: Trial, trial: walks.Trial) -> Iterator[TrialRun]:
     asked = options.runs, options.seed, options.workers
     if options.own_model is None:
         return walks.run_trials(trial, *asked)
+    if changed := changes_since_gate(options.own_model, trial.library):
+        say(changed)
     return run_own_trials(trial, options.own_model, *asked)
 
 

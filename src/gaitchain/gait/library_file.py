@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import logging
 from collections.abc import Mapping
 from dataclasses import asdict
 from itertools import pairwise
@@ -25,11 +26,12 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.qualification import GridVerdict, Qualification
 from gaitchain.gait.slide import Slide, Slides
-from gaitchain.robot.compare import differences
+from gaitchain.robot.compare import differences, differences_that_matter
 from gaitchain.robot.robot import Robot
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 from gaitchain.robot.whole_file import read_file, replace_file
 
+_LOG = logging.getLogger(__name__)
 SCHEMA = 10
 _KEY = "gaitchain"  # the only metadata entry, as the order of several is not defined
 _MOST_BYTES = 100_000_000  # a library has less than one
@@ -141,11 +143,20 @@ def parse_library(data: bytes, origin: str) -> GaitLibrary:
 def check_robot(library: GaitLibrary, robot: Robot, origin: str = "library") -> None:
     """Refuse a library that was built for another robot.
 
+    What differs by no more than between the robots that training draws is told as a
+    warning alone (`compare.differences_that_matter`).
+
     Raises:
         LibraryError: the robots differ; the message names the differences.
     """
-    found = differences(library.robot.in_file, robot.in_file)
+    own, other = library.robot.in_file, robot.in_file
+    found = differences_that_matter(own, other)
     if not found:
+        if little := differences(own, other):
+            _LOG.warning(
+                "%s: built for a %s that differs a little, in %s (library / robot, SI)",
+                *(origin, own.name, ", ".join(little[:_SHOWN])),
+            )
         return
     names = library.robot.name, robot.name
     which = (

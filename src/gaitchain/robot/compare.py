@@ -1,8 +1,11 @@
 """Compare two robots and describe what differs."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gaitchain.messages import Array
 from gaitchain.robot.leg_model import LegModel
@@ -10,6 +13,15 @@ from gaitchain.robot.robot import Robot
 
 # On another computer the last digits of a standing pose may differ.
 _RELATIVE, _ABSOLUTE = 1e-6, 1e-9
+# A robot that differs by no more is one of those that a library is trained for, whose
+# gains and links are off (`World.gain_error`, `model_error`), or its file is rounded.
+_PARTS = {
+    **dict.fromkeys(("stiffness", "damping"), 0.1),
+    **dict.fromkeys(("link_mass", "inertia", "trunk_mass", "trunk_inertia"), 0.05),
+}
+_LEGS = {"com": 0.005, "trunk_com": 0.005, "at": 0.001, "foot_at": 0.001}  # legs
+_STAND_RAD = 0.005
+_WIDER = {"torque_limit": 1.0, "speed_limit": 1.0, "upper": 1.0, "lower": -1.0}  # signs
 _JOINT_ARRAYS = {
     "stiffness": "kp of {} [N m/rad]",
     "damping": "kv of {} [N m s/rad]",
@@ -57,6 +69,57 @@ def differences(one: Robot, other: Robot) -> list[str]:
     found = [] if one.boxes else list(_leg_differences(one.legs, other.legs))
     numbers = one.reduced.numbers(), other.reduced.numbers()
     return [*found, *_table_differences(*numbers, "{}")]
+
+
+def differences_that_matter(one: Robot, other: Robot) -> list[str]:
+    """Describe what differs by more than between the robots that training draws.
+
+    Masses and inertia may differ by 5 %, gains of servos by 10 %, each CoM by 0.005 and
+    each joint's place by 0.001 legs; the other robot's limits may be wider. Of robots
+    of boxes all matters.
+
+    Args:
+        one: the robot that a library was built for.
+        other: the robot that is to walk by it.
+
+    Returns:
+        See `differences`.
+    """
+    found = differences(one, other)
+    if not found or one.boxes or other.boxes:
+        return found
+    if one.legs.joint_names != other.legs.joint_names:
+        return found
+    return differences(one, _where_it_matters(one, other))
+
+
+def _where_it_matters(one: Robot, other: Robot) -> Robot:
+    """Return the other robot, with numbers of the first where it differs by little."""
+    leg, legs = one.reduced.leg_length, dict[str, Any]()
+    for name, own in {**one.legs.arrays(), "trunk_mass": one.legs.trunk_mass}.items():
+        others = getattr(other.legs, name)
+        alike = _matters_not(name, np.asarray(own), np.asarray(others), leg)
+        legs[name] = np.where(alike, own, others)
+    legs["trunk_mass"] = float(legs["trunk_mass"])
+    # All else of a full robot's reduced biped follows from its joints and links.
+    reduced = replace(
+        one.reduced,
+        sole_length=other.reduced.sole_length,
+        sole_width=other.reduced.sole_width,
+        sole_offset=other.reduced.sole_offset,
+    )
+    return replace(other, reduced=reduced, legs=replace(other.legs, **legs))
+
+
+def _matters_not(name: str, own: Array, others: Array, leg: float) -> NDArray[np.bool_]:
+    """Return of which elements of a leg model's array the difference is too small."""
+    if name in _WIDER:
+        return np.asarray(_WIDER[name] * others >= _WIDER[name] * own)
+    most = _LEGS.get(name, 0.0) * leg + (_STAND_RAD if name == "stand" else 0.0)
+    size = np.abs(own)
+    if own.shape[-2:] == (3, 3):  # small products of inertia beside large moments
+        size = size.max(axis=(-2, -1), keepdims=True)
+    return np.asarray(np.abs(others - own) <= most + _PARTS.get(name, 0.0) * size)
 
 
 def _kind(robot: Robot) -> str:
