@@ -853,9 +853,7 @@ def test_a_kept_library_is_of_this_config_and_this_code(
     save_library(judged, path)
     assert cached_library(replace(config, seed=2), path)[0].version == "as qualified"
     mine = path.read_bytes()
-    with pytest.raises(
-        LibraryError, match="or robot; it is not as it was"
-    ):
+    with pytest.raises(LibraryError, match="or robot; it is not as it was"):
         cached_library(config, path)
     path.with_name("res.gait.made-by").unlink()
     for content in (mine, mine[:-1], b"mine"):
