@@ -14,9 +14,9 @@ from gaitchain.messages import Array
 
 _SHAPE = "#c9ccd1"
 _WAYS = 26  # directions in which a rounded shape is outlined
-# Of the figure's height: panels of equal axes grow when they are laid out again, and
-# their titles would reach a long one of the figure.
-_BELOW_TITLE = 0.92
+# Left, bottom, width and height for the panels, in parts of the figure: those of equal
+# axes grow when they are laid out again, up to its title and down to its legend.
+_PANELS = (0.0, 0.04, 1.0, 0.88)
 _VIEWS = (("from the left", 0, "x, forward [m]"), ("from the front", 1, "y, left [m]"))
 
 
@@ -44,7 +44,7 @@ def draw_robot(
     if portrait is not None:
         widths.append(portrait.shape[1] / portrait.shape[0] * half[2])
     with drawing(path, 7.4 if portrait is None else 9.4, 4.6) as figure:
-        figure.set_layout_engine("constrained", rect=(0.0, 0.0, 1.0, _BELOW_TITLE))
+        figure.set_layout_engine("constrained", rect=_PANELS)
         side, front, above, *others = figure.subplots(
             1, len(widths), gridspec_kw={"width_ratios": widths}
         )

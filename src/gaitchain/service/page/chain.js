@@ -129,7 +129,7 @@ export class Chain {
     const d = `M${right} ${y}C${right} ${y + 24} ${left} ${y + 24} ${left} ${y}m-5 8l5 -8l6 7`;
     make("path", { d, class: "return", "aria-hidden": "true" }, svg);
     const words = make("text", { x: this.width / 2, y: this.height - 4 }, svg);
-    words.textContent = "and back: the legs change roles, the next step begins";
+    words.textContent = "the legs change roles for the next step";
   }
 
   #drawLayer(svg, layer, i) {
