@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.balance.feedforward import Effort
 from gaitchain.messages import (
     CONTROL_PERIOD_S,
     Command,
@@ -18,9 +19,13 @@ from gaitchain.messages import (
     MotorTargets,
     Sensors,
 )
+from gaitchain.robot.box_robot import load_box_robot
+from gaitchain.sim.world import DISTURBANCES
+from gaitchain.walker.motor_targets import MotorForm
 from gaitchain.walker.walker import Walker
 
 TICKS = 600
+RES = load_box_robot("res")
 
 
 def walked(library, write, ticks=TICKS):
@@ -207,6 +212,22 @@ def test_targets_that_are_held_push_nothing_forward(brisk, bad, monkeypatch):
     assert targets.status
     np.testing.assert_array_equal(targets.motors.position, targets.position)
     np.testing.assert_array_equal(targets.motors.torque, 0.0)
+
+
+effort_rows = arrays(float, 12, elements=st.floats(-300.0, 300.0))
+speed_rows = arrays(float, 12, elements=st.floats(-6.0, 6.0))
+
+
+@given(effort_rows, speed_rows)
+def test_what_is_fed_forward_is_what_motors_have_at_their_speed(torque, velocity):
+    """By the torque-speed line of the simulator's servos, and never of other sign."""
+    legs = RES.legs
+    given_torque = torque - legs.joint_damping * velocity
+    made = MotorForm(legs).made(np.zeros(12), Effort(velocity, given_torque))
+    slowest = DISTURBANCES["no_load"].strides.trained[0]
+    left = 1.0 - velocity * np.sign(torque) / (slowest * legs.speed_limit)
+    most = legs.torque_limit * left.clip(0.0, 1.0)
+    np.testing.assert_allclose(made.torque, torque.clip(-most, most), atol=1e-9)
 
 
 def test_key_poses_are_angles_alone(library):

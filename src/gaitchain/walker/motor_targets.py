@@ -2,7 +2,8 @@
 
 A position servo of stiffness kp and damping kv on a joint with damping d, sent
 q_target = q_ref + (tau + (kv + d) q'_ref) / kp, pushes as a driver does that is given
-q_ref, q'_ref, tau + d q'_ref, kp and kd = kv.
+q_ref, q'_ref, tau + d q'_ref, kp and kd = kv. A motor that turns at w with the load
+has (1 - w / w_0) of its torque left, up to its no-load speed w_0.
 """
 
 import numpy as np
@@ -10,6 +11,9 @@ import numpy as np
 from gaitchain.balance.feedforward import Effort
 from gaitchain.messages import Array, MotorTargets
 from gaitchain.robot.leg_model import LegModel
+
+_NO_LOAD = 1.5
+"""No-load speed over the speed limit: of the slowest servos that training has."""
 
 
 class MotorForm:
@@ -22,6 +26,7 @@ class MotorForm:
             legs.damping - legs.joint_damping,
             legs.torque_limit,
         )
+        self._no_load = _NO_LOAD * legs.speed_limit
         self._none = np.zeros(len(legs.joint_names))
 
     def made(self, position: Array, effort: Effort | None) -> MotorTargets:
@@ -40,7 +45,13 @@ class MotorForm:
         return MotorTargets(
             position=position - ahead,
             velocity=velocity,
-            torque=torque.clip(-self._limit, self._limit),
+            torque=self._limited(torque, velocity),
             stiffness=self._stiffness,
             damping=self._damping,
         )
+
+    def _limited(self, torque: Array, velocity: Array) -> Array:
+        """Return what of torques the motors have at these speeds."""
+        with_load = np.maximum(velocity * np.sign(torque), 0.0)
+        most = self._limit * np.maximum(1.0 - with_load / self._no_load, 0.0)
+        return torque.clip(-most, most)
