@@ -6,12 +6,21 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+_SMALLEST = 0.43  # of a picture's pixels, at which letters of 8 points can be read
+_PNG_WIDTH = slice(16, 20)  # bytes of a PNG
+
 
 def picture(parent: Any, file: Path, alt: str) -> None:
-    """Append a PNG, its bytes in the page itself."""
-    data = base64.b64encode(file.read_bytes()).decode()
-    source = f"data:image/png;base64,{data}"
-    ElementTree.SubElement(parent, "img", src=source, alt=alt)
+    """Append a PNG, its bytes in the page itself.
+
+    Where a screen is narrow, it is to be scrolled (class "wide"), not shrunk.
+    """
+    png = file.read_bytes()
+    source = f"data:image/png;base64,{base64.b64encode(png).decode()}"
+    least = round(_SMALLEST * int.from_bytes(png[_PNG_WIDTH], "big"))
+    frame = ElementTree.SubElement(parent, "div", {"class": "wide"})
+    style = f"min-width:{least}px"
+    ElementTree.SubElement(frame, "img", src=source, alt=alt, style=style)
 
 
 def add(parent: Any, tag: str, text: str) -> Any:
