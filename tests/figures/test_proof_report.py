@@ -4,6 +4,7 @@ import hashlib
 import json
 import math
 from dataclasses import asdict, replace
+from datetime import UTC, datetime
 from html.parser import HTMLParser
 from importlib.resources import files
 
@@ -11,11 +12,13 @@ import numpy as np
 import pytest
 from page_browser import Watched, chromium
 
+from gaitchain.analysis.rules import MEANINGS, Rule
 from gaitchain.build.grid import GridJob, grid_world
 from gaitchain.build.push import PushTest
 from gaitchain.build.workers import Crew
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.figures.proof_report import write_report
+from gaitchain.gait.command_range import SHARED
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.qualification import (
     ChosenWalks,
@@ -26,12 +29,14 @@ from gaitchain.gait.qualification import (
     Stratum,
 )
 from gaitchain.proof import measures as proof_measures
-from gaitchain.proof.falls import potential_drop
+from gaitchain.proof.falls import UNKNOWN, FallsReport, potential_drop
 from gaitchain.proof.measures import Measures
 from gaitchain.proof.proof_walks import CHOSEN, Criterion, mild_cells
 from gaitchain.proof.push_limit import Impulse, push_limits
 from gaitchain.proof.stops import Stop, judge_stops
+from gaitchain.proof.tally import kind_label
 from gaitchain.robot.identified import Identified, unsure_numbers
+from gaitchain.sim.world import DISTURBANCES, World
 
 BOUND, SCALE_NS = 1e-3, 50.0
 SHIPPED = load_library(shipped_library())
@@ -43,7 +48,7 @@ PROOF = ProofReport(
 HELD = 8.0, 16.0, 32.0
 
 
-def measures_of(*sides, stops=None):
+def measures_of(*sides, stops=None, falls=()):
     """What would be measured, by the critical impulses of each side."""
     tests = [
         PushTest(i, 90.0 * side, 4.0, ns)
@@ -51,7 +56,21 @@ def measures_of(*sides, stops=None):
         for i, ns in enumerate(impulses)
     ]
     limits = push_limits(tests, SCALE_NS)
-    return Measures(0.3, SCALE_NS, limits, stops, (), potential_drop(SHIPPED))
+    return Measures(0.3, SCALE_NS, limits, stops, falls, potential_drop(SHIPPED))
+
+
+def in_worlds(**changes):
+    """Return a proof with a walk of each mild world, kind and contact model."""
+
+    def of(names):
+        return tuple(Stratum(name, 1, 12, 0, 0.0, 1.0) for name in names)
+
+    cells = mild_cells(SHIPPED)
+    kinds = of(dict.fromkeys(kind_label(cell.kind) for cell in cells))
+    contacts = of(["pyramidal friction", "elliptic friction"])
+    worlds = of(cell.name for cell in cells)
+    rows = {"worlds": worlds, "kinds": kinds, "contacts": contacts}
+    return replace(PROOF, **rows, **changes)
 
 
 class Words(HTMLParser):
@@ -114,7 +133,8 @@ def test_walks_that_were_no_draws_are_told_apart(tmp_path):
     for said in (
         "No walk was drawn for 2 of the worlds and contact models; each was walked",
         "21 steps in all, and 1 of these walks fell",
-        "fell 0 times. Of 2 more walks, where none was drawn, 1 fell. In simulation",
+        "fell 0 times. 2 worlds or contact models came up in none of these walks: each "
+        "was walked once in addition, and of these walks 1 fell. ",
         f"walk {CHOSEN} + i is in world i of the list above",
     ):
         assert said in words
@@ -188,6 +208,144 @@ def test_that_a_simplified_robot_walked_is_said_where_it_is_looked_for(tmp_path)
     assert numbers["origin"]["what walked"].startswith(simple)
 
 
+def test_disturbances_were_there_one_at_a_time_as_the_page_says(tmp_path):
+    """It listed friction, slope, blocks and masses side by side, as if all together."""
+    for cell in mild_cells(SHIPPED):
+        alone = [DISTURBANCES[cell.kind].needs] if cell.kind in DISTURBANCES else []
+        assert {kind for kind, _ in cell.numbers} <= {cell.kind, *alone}
+        world = grid_world(SHIPPED, GridJob((3, 0), cell, "", ()), 0, SCALE_NS)
+        assert world.model_error == dict(cell.numbers).get("model_error", 0.0)
+    words, numbers = report(tmp_path, proof=in_worlds())
+    verdict = words.index("Each walk had one disturbance at a time. In simulation only")
+    assert verdict < words.index("What was tested")
+    assert "One of them at a time was other than nominal in a walk, never two" in words
+    assert "Together with dry friction 2 %." in words
+    assert numbers["not_tested"][1].startswith("Disturbances together")
+
+
+def test_what_has_only_one_side_or_one_kind_is_among_what_was_not_tested(tmp_path):
+    """Slopes were ahead alone; some faults of servos were walked, not all."""
+    assert World(slope_deg=1.0).up[1] == 0.0
+    _, numbers = report(tmp_path)
+    said = " ".join(numbers["not_tested"])
+    assert "Slopes to the side as the walk starts" in said
+    assert "Faults of servos, sensors, bus and cables other than those" in said
+    assert "walks lasted 60 s" in said
+    assert "Any one world: the verdict is of walks in all worlds" in said
+
+
+def test_key_poses_have_no_slope_and_no_motion_beside_another(library, tmp_path):
+    words, numbers = report(tmp_path, library)
+    assert "Slopes to the side" not in words
+    assert SHARED not in words
+    assert numbers["commands_together"] == ""
+
+
+def test_the_map_says_what_came_of_all_mild_levels_at_once(tmp_path):
+    grid = SHIPPED.qualification.grid
+    words, numbers = report(tmp_path)
+    first, last = (cell for cell in grid.cells if cell.kind == "corner")
+    for cell in first, last:
+        held = f"{cell.name}: {cell.passes} of {cell.runs} walks of commands held"
+        assert held in words
+    runs, passes = last.groups["every step"]
+    assert f"held, and {passes} of {runs} that visit every step." in words
+    assert any('The rows "all mild" under' in said for said in numbers["not_tested"])
+    harder = [cell for cell in grid.cells if not cell.required]
+    assert (len(harder) > 2) == ("and show where it ends" in words)
+
+
+@pytest.mark.parametrize("quick", [True, False])
+def test_only_harder_worlds_show_where_it_ends(quick, tmp_path):
+    cells = SHIPPED.qualification.grid.cells
+    hard = replace(cells[1], name="friction 0.2", required=False)
+    kept = tuple(cell for cell in cells if cell.required or cell.kind == "corner")
+    grid = replace(SHIPPED.qualification.grid, cells=kept if quick else (*kept, hard))
+    tests = replace(SHIPPED.qualification, grid=grid)
+    words, _ = report(tmp_path, replace(SHIPPED, qualification=tests))
+    assert ("No world was harder than the mild ones" in words) == quick
+    assert ("and show where it ends" in words) == (not quick)
+
+
+def test_that_commands_share_their_range_is_said_beside_it(tmp_path):
+    words, numbers = report(tmp_path)
+    assert words.index("turning to the left") < words.index(SHARED)
+    assert words.index(SHARED) < words.index("friction 0.6")
+    assert numbers["commands_together"] in words
+
+
+def test_each_world_is_explained_and_pushes_are_in_newton_seconds(tmp_path):
+    words, numbers = report(tmp_path, proof=in_worlds())
+    meant = numbers["world_meanings"]
+    for cell in mild_cells(SHIPPED):
+        name = cell.name if cell.kind != "push" else f"{cell.name} (2.5 N s)"
+        assert f"{name} {meant[cell.name]}" in words
+    assert not any("[" in said or "default" in said for said in meant.values())
+    assert "0.02 rad/s for the gyro and 0.3 m/s^2" in meant["sensor noise 1"]
+    assert "is 50.0 N s for this robot" in words
+
+
+def test_causes_of_falls_are_explained_where_they_are_counted(tmp_path):
+    assert MEANINGS.keys() == set(Rule)
+    causes = ((Rule.ZMP.value, 2), (UNKNOWN, 1))
+    falls = FallsReport("walks", 4, 3, 3, causes, (1.0, 2.0), (1.0, 2.0))
+    words, numbers = report(tmp_path, measures=measures_of(HELD, falls=(falls,)))
+    assert f"{Rule.ZMP.value} 2 {MEANINGS[Rule.ZMP]}" in words
+    assert "zero moment point" in words
+    assert numbers["causes"][Rule.SLIP.value] == MEANINGS[Rule.SLIP]
+
+
+def test_no_two_rows_have_one_name_and_chosen_walks_are_told_apart(tmp_path):
+    proof = in_worlds(chosen=ChosenWalks(("nominal", "slope +1 deg"), 2, 0))
+    words, _ = report(tmp_path, proof=proof)
+    table = words[words.index("one fall in") : words.index("Steps of the chain")]
+    assert table.count(" nominal ") == 1
+    assert " nominal 0 + 1 12 0 0 to 1 not known" in table
+    assert " friction, all levels 1 12 " in table
+    assert " sensor noise 1 1 12 " in table
+    assert "sensor noise, all levels" not in table
+    assert "contact model: pyramidal friction 1 12 " in table
+
+
+def test_steps_of_which_nothing_is_known_are_not_told_in_numbers(tmp_path):
+    """They read "below 1 for half of the steps, below 1 for the best"."""
+    steps = replace(STEPS, high=(1.0, 1.0, 1.0))
+    words, _ = report(tmp_path / "none", proof=replace(PROOF, steps=steps))
+    assert "Each was walked too seldom to tell how often it falls in it." in words
+    steps = replace(STEPS, high=(1e-3, 1.0, 1.0))
+    words, _ = report(tmp_path / "one", proof=replace(PROOF, steps=steps))
+    assert "0.001 for the best known step, below an unknown rate for the" in words
+
+
+@pytest.mark.parametrize(
+    ("verdict", "said"),
+    [
+        ("below", "less often than once in 33 steps"),
+        ("above", "more often than once in 34 steps"),
+    ],
+)
+def test_one_fall_in_so_many_steps_is_no_more_than_what_is_sure(
+    verdict, said, tmp_path
+):
+    """Of at most 0.0197 falls per step it said one in more than 51 steps."""
+    total = replace(WALKED, high=0.0197)
+    proof = replace(PROOF, bound=0.03, verdict=verdict, total=total)
+    words, _ = report(tmp_path, proof=proof)
+    assert f"{said}." in words
+    assert "all 25 300 0 0 to 0.02 more than 50 steps" in words
+
+
+def test_the_report_has_its_date_and_what_it_was_walked_by(tmp_path):
+    before = datetime.now(UTC).replace(second=0, microsecond=0)
+    words, numbers = report(tmp_path)
+    made = numbers["origin"]["report made"]
+    assert f"report made {made}" in words
+    at = datetime.strptime(made, "%Y-%m-%d %H:%M UTC").replace(tzinfo=UTC)
+    assert before <= at <= datetime.now(UTC)
+    for package in ("mujoco", "numpy", "Python"):
+        assert f"{package} " in numbers["origin"]["walked and reported by"]
+
+
 @pytest.mark.parametrize(
     ("own", "said"),
     [
@@ -213,9 +371,10 @@ def test_the_numbers_have_what_the_page_says_of_use_and_of_the_own_model(
 
 def test_without_a_grid_the_page_says_that_there_is_none(tmp_path):
     words, _ = report(tmp_path / "with")
-    assert "bold rows are mild worlds" in words
+    assert "Bold rows are mild worlds" in words
     words, _ = report(tmp_path / "without", SHIPPED.as_built())
-    assert "bold rows are mild worlds" not in words
+    assert "Bold rows are mild worlds" not in words
+    assert "all mild" not in words
     assert "Map of worlds There is none" in words
 
 

@@ -41,6 +41,19 @@ class Rule(Enum):
     ZMP = "ZMP at the sole's edge"
 
 
+MEANINGS = {
+    Rule.ESTIMATOR: "the walker takes its trunk for leaning otherwise than it does",
+    Rule.SELF_COLLISION: "the legs touch each other",
+    Rule.SPEED: "a joint turns as fast as its servo can, or is asked to turn faster",
+    Rule.TORQUE: "a servo pulls with all the torque that it has",
+    Rule.TRACKING: "a joint is farther from its target than its load explains",
+    Rule.EARLY: "a foot lands long before its planned time",
+    Rule.LATE: "a foot is still in the air long after its planned time",
+    Rule.SLIP: "a foot that carries the robot slides on the ground",
+    Rule.ZMP: "the point that the ground's force acts at (zero moment point) is at the "
+    "edge of the soles on the ground, over which the robot then tips",
+}
+"""What it means that a rule breaks, for a person."""
 ADVICE = {
     Rule.ESTIMATOR: "the estimator's gain up, or the gyro's bias out",
     Rule.SELF_COLLISION: "sway down, or the bound of sideways steps",

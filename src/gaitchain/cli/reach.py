@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from gaitchain.cli.console import print_table, say
-from gaitchain.gait.command_range import AXES, CommandRange
+from gaitchain.gait.command_range import AXES, SHARED, CommandRange
 from gaitchain.messages import Command
 
 _WAYS = (
@@ -29,7 +29,7 @@ def show_reach(span: CommandRange) -> list[dict[str, Any]]:
     heads = ["{} / {}\n[{}]".format(*_WAYS[axis]) for axis in known]
     print_table("Reach of commands, beside others", ("beside", *heads), rows)
     if len(known) > 1:
-        say("Parts of the most ahead, aside and around add up to at most 1.")
+        say(SHARED)
     return found
 
 

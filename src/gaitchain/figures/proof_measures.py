@@ -2,14 +2,19 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from gaitchain.analysis.rules import MEANINGS
 from gaitchain.build.families import build_of
+from gaitchain.build.grid import EVERY_STEP
 from gaitchain.build.push import PushResult
 from gaitchain.figures.page import add, picture, table
+from gaitchain.figures.proof_scope import CORNER, with_impulse
 from gaitchain.figures.robustness import plot_pass_rates, plot_pushes
 from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.qualification import CellReport, GridReport
 from gaitchain.proof.falls import FallsReport
 from gaitchain.proof.measures import Measures
 from gaitchain.proof.push_limit import Impulse, PushLimit
@@ -32,14 +37,33 @@ _STOP_HEADS = (
     "all, within",
 )
 _MAP = (
-    "Commands in the grid of worlds by which the library was qualified before; bold "
-    "rows are mild worlds, in which it had to hold. Other rows show where it ends."
+    "The grid of worlds by which the library was qualified before the proof: a column "
+    "for each kind of command; in each field the walks that held of those that were "
+    "made. Bold rows are mild worlds of one disturbance, in which {:.0f} % of the "
+    "walks had to hold."
+)
+_HARDER = (
+    "Other rows of one disturbance are beyond the mild worlds, and show where it ends."
+)
+_NO_HARDER = (
+    "No world was harder than the mild ones, so that nothing here shows where it ends: "
+    "`gaitchain qualify LIBRARY` without --quick and --bound walks such worlds."
+)
+_CORNERS = (
+    'Rows "all mild" have the mild levels of all disturbances at once, of those with '
+    "several levels the first or the last. It did not have to hold there, and they are "
+    "no part of the verdict. What came: {}."
 )
 _NO_MAP = (
     "There is none: the library was not walked in a grid of worlds, so that nothing "
     "shows where it ends. `gaitchain qualify LIBRARY`, without --bound, walks one."
 )
 _UNKNOWN = "not known"
+_CAUSES = (
+    "What came before each of these falls: of the rules that a good walk keeps, the "
+    "one that broke first."
+)
+_CAUSE_HEADS = "the rule that broke first", "falls", "what it means"
 _SOME = "{} of these falls were walked again and measured:"
 _FALL_HEADS = ("", "median", "largest")
 
@@ -69,7 +93,11 @@ def draw_maps(
     grid = library.qualification.grid
     if grid is not None:
         files[MAPS.worlds] = folder / MAPS.worlds
-        plot_pass_rates(grid.cells, library.robot.name, files[MAPS.worlds])
+        cells = [
+            replace(cell, name=with_impulse(cell, measures.scale_ns))
+            for cell in grid.cells
+        ]
+        plot_pass_rates(cells, library.robot.name, files[MAPS.worlds])
     return files
 
 
@@ -86,9 +114,11 @@ def pushes_section(
         "p",
         f"One push of 0.1 s on the trunk while it walks {measures.speed_mps:.2f} m/s "
         "ahead, at a random moment of the step, in a world drawn for each walk: "
-        f"{_drawn(library)}. J50 is the impulse after which half of the walks fall, J5 "
-        "that after which one in twenty does; in brackets 95 % intervals. The impulses "
-        "that fell each walk are taken for log-normal, which J5 depends on.",
+        f"{_drawn(library)}, all of it at once. J50 is the impulse after which half of "
+        "the walks fall, J5 that after which one in twenty does; in brackets 95 % "
+        "intervals. The impulses that fell each walk are taken for log-normal, which "
+        f"J5 depends on. m sqrt(g h), see above, is {measures.scale_ns:.1f} N s; by it "
+        "robots of other sizes can be compared.",
     )
     scale = measures.scale_ns
     table(body, _PUSH_HEADS, (_push_row(p, scale) for p in measures.pushes))
@@ -98,15 +128,33 @@ def pushes_section(
     picture(body, pictures[MAPS.pushes], alt)
 
 
-def worlds_section(body: Any, pictures: Mapping[str, Path]) -> None:
+def worlds_section(
+    body: Any, grid: GridReport | None, pictures: Mapping[str, Path]
+) -> None:
     """Append the map of worlds, or that there is none."""
     add(body, "h2", "Map of worlds")
-    if MAPS.worlds not in pictures:
+    if grid is None:
         add(body, "p", _NO_MAP)
         return
-    add(body, "p", _MAP)
+    add(body, "p", f"{_MAP.format(100.0 * grid.share)} {_beyond(grid)}")
+    corners = [cell for cell in grid.cells if cell.kind == CORNER]
+    if corners:
+        add(body, "p", _CORNERS.format("; ".join(map(_held, corners))))
     alt = "Walks that held, a row for each world, a column for each command."
     picture(body, pictures[MAPS.worlds], alt)
+
+
+def _beyond(grid: GridReport) -> str:
+    """Say whether worlds harder than the mild ones were walked."""
+    alone = (cell for cell in grid.cells if cell.kind != CORNER)
+    return _NO_HARDER if all(cell.required for cell in alone) else _HARDER
+
+
+def _held(cell: CellReport) -> str:
+    """Say how many walks held in a world."""
+    runs, passes = cell.groups.get(EVERY_STEP, (0, 0))
+    said = f"{cell.name}: {cell.passes} of {cell.runs} walks of commands held"
+    return f"{said}, and {passes} of {runs} that visit every step" if runs else said
 
 
 def stops_section(body: Any, measures: Measures) -> None:
@@ -153,8 +201,10 @@ def falls_section(body: Any, measures: Measures) -> None:
 
 
 def _fall_tables(body: Any, falls: FallsReport) -> None:
-    causes = ((cause, f"{count}") for cause, count in falls.causes)
-    table(body, ("the rule that broke first", "falls"), causes)
+    add(body, "p", _CAUSES)
+    meant = {rule.value: meaning for rule, meaning in MEANINGS.items()}
+    causes = ((c, f"{count}", meant.get(c, "")) for c, count in falls.causes)
+    table(body, _CAUSE_HEADS, causes)
     rows = []
     for name, unit, pair in (
         ("kinetic energy before the impact", "J", falls.kinetic_j),

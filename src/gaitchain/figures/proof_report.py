@@ -3,8 +3,9 @@
 import hashlib
 import math
 import platform
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,6 +13,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from gaitchain.analysis.rules import MEANINGS
 from gaitchain.build.journal import PACKAGES
 from gaitchain.errors import CommandError, LibraryError, file_errors
 from gaitchain.figures.page import add, bullets, picture, table
@@ -27,20 +29,30 @@ from gaitchain.figures.proof_robot import (
     robot_origin,
     robot_section,
 )
+from gaitchain.figures.proof_scope import (
+    SIMPLIFIED,
+    conditions,
+    lone_kinds,
+    meanings,
+    not_tested,
+    shares,
+    shown_names,
+    uses_section,
+)
 from gaitchain.figures.style import FEET, PLANNED, drawing, write_json
 from gaitchain.gait.command_range import AXES
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
-from gaitchain.gait.qualification import ProofReport, StepStratum, Stratum
-from gaitchain.proof.fall_rate import describe_before, describe_chosen, walk_length
+from gaitchain.gait.qualification import ProofReport, StepStrata, StepStratum, Stratum
+from gaitchain.proof.fall_rate import describe_before, describe_chosen
 from gaitchain.proof.measures import Measures, measure_seeds
-from gaitchain.proof.proof_walks import BANK, CHOSEN, Criterion, mild_cells, seed_of
+from gaitchain.proof.proof_walks import BANK, CHOSEN, Criterion, seed_of
 from gaitchain.proof.step_strata import SELDOM
 from gaitchain.sim.truth import FALL_HEIGHT, FALL_TILT
-from gaitchain.sim.world import DISTURBANCES, World
 
 PAGE, NUMBERS, PICTURE = "report.html", "report.json", "rates.png"
 _UNKNOWN = 0.5  # falls per step; an interval that ends higher tells nothing
+_Row = tuple[str, Stratum]
 _HEADS = ("walks", "number", "steps", "falls", "falls per step", "one fall in")
 _STYLE = (
     "body{font:16px/1.5 system-ui,sans-serif;max-width:52rem;margin:2rem auto;"
@@ -52,46 +64,26 @@ _STYLE = (
     ".pairs td+td{overflow-wrap:anywhere}"
 )
 _VERDICTS = {
-    "below": "It falls in fewer than {bound} of its steps, with {sure} confidence.",
-    "above": "It falls in more than {bound} of its steps, with {sure} confidence.",
+    "below": "It falls in fewer than {bound} of its steps, with {sure} confidence: "
+    "less often than once in {often} steps.",
+    "above": "It falls in more than {bound} of its steps, with {sure} confidence: "
+    "more often than once in {often} steps.",
     "open": "Whether it falls in fewer than {bound} of its steps is not known: the "
     "walks that were allowed did not suffice.",
 }
+_CHAIN = (
+    "A step leads from one pose of the library to another; poses have numbers. What "
+    "the robot walks is a chain of such steps."
+)
 _FIXED = "Criterion, fixed before the first walk"
 _CHOSEN_LATER = "Criterion, chosen after walks had been seen"
 _STRATA = (
     "The criterion is of all walks. Rows below the first divide them by the model of "
-    "the contact, the kind of the disturbance and its level; they are for information, "
-    "and both ends of their intervals, wider for it, hold all together with that "
-    "confidence. In the first row each end holds for itself with it, as the verdict."
+    "the contact, by disturbances that have several levels, and by world; they are for "
+    "information, and both ends of their intervals, wider for it, hold all together "
+    "with that confidence. In the first row each end holds for itself with it, as the "
+    'verdict. "not known" means that there are too few walks to tell.'
 )
-_ASKED = {
-    "friction": "friction",
-    "slope_deg": "slope",
-    "blocks_m": "blocks on the ground",
-    "contact_s": "softness of the ground",
-    "payload": "payload",
-    "mass": "mass of the links, times",
-}
-_ONLY = "nominal only: "
-_SIMPLIFIED = (
-    "a simplified robot: legs as in its file, all else one rigid body, arms still, "
-    "soles as boxes, or by their corners where they taper"
-)
-_NOT_TESTED = (
-    "Any real robot: all of this is simulation, and what it leaves out may make a "
-    "robot fall.",
-    f"The whole robot: what walked is {_SIMPLIFIED}. What its own model did, if it "
-    'has one, is under "Second model", and no part of the verdict.',
-    "Ground, loads and disturbances outside the worlds of the table, such as carpets, "
-    "stairs, people, and faults of servos and cables.",
-    "What a fall breaks, and whom it hurts: only its energy is measured, of a robot of "
-    "boxes that are hard and do not break, falling on an empty floor.",
-    "What a push on anything else than the trunk does, and one longer than 0.1 s.",
-    "Each world for itself: the verdict is of all of them together, each as often as "
-    "any other. The same holds for the steps of the chain.",
-)
-_LOWERED = "Walks with lowered hips, which commands may ask for, up to {:.0f} mm."
 
 
 def write_report(
@@ -119,7 +111,7 @@ def write_report(
             "`gaitchain qualify LIBRARY --bound 1e-4` makes one"
         )
     page, numbers, rates = (folder / name for name in (PAGE, NUMBERS, PICTURE))
-    _draw(proof, rates)
+    _draw(_named(library, proof, measures.scale_ns), proof.bound, rates)
     maps = draw_maps(library, measures, folder)
     facts = _facts(library, proof, criterion, measures)
     write_json(numbers, facts)
@@ -142,58 +134,54 @@ def _facts(
         "identified": None if found is None else found.facts(),
         "origin": dict(_origin(library)),
         "commands": {axis: getattr(library.command_range, axis) for axis in AXES},
-        "conditions": dict(_conditions(library)),
+        "commands_together": shares(library.command_range),
+        "conditions": dict(conditions(library)),
+        "world_meanings": meanings(library),
         "own_model": _own_model(library),
         "only_in_simulation": True,
-        "not_tested": list(_not_tested(library)),
+        "not_tested": list(not_tested(library, proof)),
         **asdict(proof),
         "most_steps": criterion.limit,
         "seeds": _seeds(library),
         "measure_seeds": measure_seeds(library.proven(None)),
         "measures": asdict(measures),
+        "causes": {rule.value: meaning for rule, meaning in MEANINGS.items()},
     }
-
-
-def _not_tested(library: GaitLibrary) -> Iterator[str]:
-    """Say what the walks of a proof leave out."""
-    yield from _NOT_TESTED
-    deepest = library.command_range.crouch[0]
-    if deepest > 0.0:
-        yield _LOWERED.format(1000.0 * deepest)
 
 
 def _origin(library: GaitLibrary) -> list[tuple[str, str]]:
     """Return what was tested, and by what, as (name, value)."""
-    unproven = library_bytes(library.proven(None))
+    unproven = hashlib.sha256(library_bytes(library.proven(None))).hexdigest()
     file, digest = file_origin(library)
     packages = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     return [
         ("robot", library.robot.name),
-        ("what walked", _SIMPLIFIED),
+        ("what walked", SIMPLIFIED),
         ("robot's numbers", robot_origin(library.robot)),
         ("robot's numbers, hash", library.robot.fingerprint),
         ("robot's file", file),
         ("robot's file, SHA-256", digest),
-        ("library without this proof, SHA-256", hashlib.sha256(unproven).hexdigest()),
+        ("library of its gaits, without this proof, SHA-256", unproven),
         ("built by", f"gaitchain {library.version}"),
-        ("report by", f"{packages}, Python {platform.python_version()}"),
+        ("walked and reported by", f"{packages}, Python {platform.python_version()}"),
+        ("report made", f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC"),
     ]
 
 
-def _draw(proof: ProofReport, path: Path) -> None:
+def _draw(rows: Sequence[_Row], bound: float, path: Path) -> None:
     """Draw the interval of each stratum's rate, on a logarithmic axis."""
-    strata = _strata(proof)
+    names, strata = zip(*rows, strict=True)
     low = np.array([max(s.low, _floor(strata)) for s in strata])
     high = np.array([s.high for s in strata])
-    rows = np.arange(len(strata))
+    places = np.arange(len(strata))
     with drawing(path, 7.0, 1.2 + 0.22 * len(strata)) as figure:
         axes = figure.add_subplot()
-        axes.hlines(rows, low, high, color=FEET[0], linewidth=3.0)
-        axes.plot(high, rows, "|", color=FEET[0], markersize=9.0)
-        axes.axvline(proof.bound, color=PLANNED, linestyle="--", linewidth=1.0)
+        axes.hlines(places, low, high, color=FEET[0], linewidth=3.0)
+        axes.plot(high, places, "|", color=FEET[0], markersize=9.0)
+        axes.axvline(bound, color=PLANNED, linestyle="--", linewidth=1.0)
         axes.set_xscale("log")
-        axes.set_yticks(rows, [s.name for s in strata])
-        axes.invert_yaxis()
+        axes.set_yticks(places, names)
+        axes.set_ylim(len(strata) - 0.5, -0.5)
         axes.set_xlabel(
             "falls per step that the walks leave possible,\n"
             "dashed: the bound; other rows than the first hold together"
@@ -240,8 +228,7 @@ class _Report(NamedTuple):
         add(body, "h2", "What was tested")
         table(body, (), self.facts["origin"].items())
         robot_section(body, self.library.robot)
-        add(body, "h2", "Declared use")
-        _uses(body, self.library, self.proof)
+        uses_section(body, self.library, self.proof, self.measures.scale_ns)
         before = self.proof.before
         add(body, "h2", _CHOSEN_LATER if before else _FIXED)
         add(body, "p", _criterion(self.criterion))
@@ -254,8 +241,10 @@ class _Report(NamedTuple):
         add(body, "p", _STRATA)
         if proof.chosen:
             said = f"{describe_chosen(proof.chosen)} They are in the rows of their own"
-            add(body, "p", f"{said} world or model alone.")
-        table(body, _HEADS, map(_row, _strata(proof)))
+            add(body, "p", f'{said} world or model alone, as "+ 1".')
+        more = proof.chosen.names if proof.chosen else ()
+        named = _named(self.library, proof, self.measures.scale_ns)
+        table(body, _HEADS, (_row(name, s, s.name in more) for name, s in named))
         picture(
             body,
             self.pictures[PICTURE],
@@ -269,7 +258,7 @@ class _Report(NamedTuple):
         pushes_section(body, self.library, self.measures, self.pictures)
         stops_section(body, self.measures)
         falls_section(body, self.measures)
-        worlds_section(body, self.pictures)
+        worlds_section(body, self.library.qualification.grid, self.pictures)
 
     def _repeat(self, body: Any) -> None:
         proof = self.proof
@@ -308,50 +297,24 @@ def _chosen_numbers(proof: ProofReport) -> str:
 
 
 def _verdict(proof: ProofReport) -> str:
+    # Whole steps, rounded so that no more is said than what is sure.
+    rounded = math.floor if proof.verdict == "below" else math.ceil
     words = _VERDICTS[proof.verdict].format(
-        bound=f"{proof.bound:g}", sure=f"{100.0 * proof.confidence:g} %"
+        bound=f"{proof.bound:g}",
+        sure=f"{100.0 * proof.confidence:g} %",
+        often=_spaced(rounded(round(1.0 / proof.bound, 6))),
     )
     total, more = proof.total, proof.chosen
     words += f" It walked {total.steps} steps in {total.walks} walks, and fell "
     words += f"{total.falls} times."
     if more:
-        words += f" Of {len(more.names)} more walks, where none was drawn, "
+        words += f" {len(more.names)} worlds or contact models came up in none of "
+        words += "these walks: each was walked once in addition, and of these walks "
         words += f"{more.falls} fell."
+    words += " Each walk had one disturbance at a time."
     if proof.before:
         words += " Walks had been seen before this bound was chosen."
     return f"{words} In simulation only."
-
-
-def _uses(body: Any, library: GaitLibrary, proof: ProofReport) -> None:
-    span = library.command_range
-    rows = [
-        ("speed ahead", f"{span.vx[0]:.3f} to {span.vx[1]:.3f} m/s"),
-        ("to the left", f"{span.vy[0]:.3f} to {span.vy[1]:.3f} m/s"),
-        ("turning", f"{span.yaw_rate[0]:.2f} to {span.yaw_rate[1]:.2f} rad/s"),
-        ("commands", f"random over that range, walks of {walk_length(library, proof)}"),
-        *_conditions(library),
-    ]
-    table(body, (), rows)
-    add(body, "p", "Worlds, one drawn for each walk, each as often as any other:")
-    bullets(body, (world.name for world in proof.worlds))
-    names = " and ".join(contact.name for contact in proof.contacts)
-    add(body, "p", f"Models of the contact, one drawn for each walk: {names}.")
-
-
-def _conditions(library: GaitLibrary) -> list[tuple[str, str]]:
-    """Return what a user asks for, from the mild worlds, as (name, value)."""
-    levels: dict[str, list[float]] = {}
-    for cell in mild_cells(library.proven(None)):
-        for kind, level in cell.numbers:
-            levels.setdefault(kind, []).append(level)
-    nominal = World()
-    rows = []
-    for kind, name in _ASKED.items():
-        plain = getattr(nominal, kind)
-        found = sorted({*levels.get(kind, []), float(plain or 0.0)})
-        shown = [DISTURBANCES[kind].show(level) for level in found]
-        rows.append((name, ", ".join(shown) if levels.get(kind) else _ONLY + shown[0]))
-    return rows
 
 
 def _criterion(criterion: Criterion) -> str:
@@ -366,25 +329,30 @@ def _criterion(criterion: Criterion) -> str:
     )
 
 
-def _strata(proof: ProofReport) -> list[Stratum]:
-    return [proof.total, *proof.contacts, *proof.kinds, *proof.worlds]
+def _named(library: GaitLibrary, proof: ProofReport, scale_ns: float) -> list[_Row]:
+    """Return the strata that are shown, by names of which none is like another.
+
+    A kind of disturbance with one level is in the row of its world, and in no other.
+    """
+    alone, impulses = lone_kinds(library), shown_names(library, scale_ns)
+    kinds = (s for s in proof.kinds if s.name not in alone)
+    return [
+        (proof.total.name, proof.total),
+        *((f"contact model: {s.name}", s) for s in proof.contacts),
+        *((f"{s.name}, all levels", s) for s in kinds),
+        *((impulses.get(s.name, s.name), s) for s in proof.worlds),
+    ]
 
 
 def _steps(body: Any, proof: ProofReport) -> None:
     steps, few = proof.steps, len(proof.steps.seldom)
     add(body, "h3", "Steps of the chain")
-    said = (
-        f"Of the {steps.allowed} steps that it may make, {steps.walked} were walked, "
+    add(
+        body,
+        "p",
+        f"{_CHAIN} Of the {steps.allowed} steps that it may make, {steps.walked} were "
+        f"walked, {few} of them less than {SELDOM} times. {_known(steps)}",
     )
-    said += f"{few} of them less than {SELDOM} times."
-    if steps.high:
-        least, middle, most = steps.high
-        said += (
-            " Falls per visit of a walked step are, with that confidence for all of "
-            f"them together, below {middle:.2g} for half of the steps, below "
-            f"{least:.2g} for the best and {most:.2g} for the worst known one."
-        )
-    add(body, "p", said)
     if steps.fell_on:
         heads = "step from", "to", "walked", "falls", "falls per visit"
         add(body, "p", "Steps in which it fell:")
@@ -395,18 +363,44 @@ def _steps(body: Any, proof: ProofReport) -> None:
         add(folded, "p", ", ".join(f"{a} to {b}" for a, b in steps.never))
 
 
+def _known(steps: StepStrata) -> str:
+    """Say how often it falls in a step, of the best known one to the worst."""
+    if not steps.high or steps.high[0] > _UNKNOWN:
+        return "Each was walked too seldom to tell how often it falls in it."
+    best, middle, worst = (
+        "an unknown rate" if rate > _UNKNOWN else f"{rate:.2g}" for rate in steps.high
+    )
+    return (
+        "Falls per visit are, with that confidence for all steps together, below "
+        f"{best} for the best known step, below {middle} for the middle one, and below "
+        f"{worst} for the one that is known worst."
+    )
+
+
 def _step_row(step: StepStratum) -> tuple[str, ...]:
     numbers = map(str, (step.first, step.last, step.walked, step.falls))
     return *numbers, f"{step.low:.2g} to {step.high:.2g}"
 
 
-def _row(stratum: Stratum) -> tuple[str, ...]:
-    often = f"more than {1.0 / stratum.high:,.0f} steps".replace(",", " ")
+def _spaced(number: int) -> str:
+    """Return a whole number with its thousands apart."""
+    return f"{number:,}".replace(",", " ")
+
+
+def _row(name: str, stratum: Stratum, chosen: bool) -> tuple[str, ...]:
+    """Return a row of the table.
+
+    Args:
+        name: shown for the stratum.
+        stratum: the walks.
+        chosen: whether one of them was no draw.
+    """
+    often = f"more than {_spaced(math.floor(1.0 / stratum.high))} steps"
     if stratum.high > _UNKNOWN:
         often = "not known"
     return (
-        stratum.name,
-        f"{stratum.walks}",
+        name,
+        f"{stratum.walks - 1} + 1" if chosen else f"{stratum.walks}",
         f"{stratum.steps}",
         f"{stratum.falls}",
         f"{stratum.low:.2g} to {stratum.high:.2g}",
@@ -419,7 +413,8 @@ def _second_model(body: Any, library: GaitLibrary, proof: ProofReport) -> None:
     cones = "; ".join(
         f"{s.name}: {s.falls} falls in {s.steps} steps" for s in proof.contacts
     )
-    add(body, "p", f"Two models of the contact with the ground. {cones}.")
+    said = "The friction between soles and ground was computed in two ways"
+    add(body, "p", f"{said}, see above. {cones}.")
     add(body, "p", _own_model(library)["verdict"])
 
 

@@ -17,6 +17,8 @@ from gaitchain.messages import Command
 
 AXES = {"vx": "m/s ahead", "vy": "m/s to the left", "yaw_rate": "rad/s to the left"}
 """Components of a command with their units."""
+SHARED = "Parts of the most ahead, aside and around add up to at most 1."
+"""The rule above, for a person."""
 _ROUND = 0.005  # m/s, rad/s: tolerance of `check`, as the ends of a range are measured
 _ROUND_SHARE = 0.02  # the same tolerance for the sum of the parts
 _SLACK = 1.0 + 1e-9

@@ -86,7 +86,7 @@ class Tally:
             ),
             kinds=tuple(
                 self._stratum(
-                    DISTURBANCES[kind].label if kind in DISTURBANCES else kind,
+                    kind_label(kind),
                     each,
                     worlds={i for i, c in enumerate(self._cells) if c.kind == kind},
                 )
@@ -132,6 +132,11 @@ class Tally:
         falls = sum(count for _, fell, count in walks if fell)
         low, high = rate_interval(walks, self._longest, confidence)
         return Stratum(name, number, steps, falls, low, high)
+
+
+def kind_label(kind: str) -> str:
+    """Return the name of a kind of worlds in a report."""
+    return DISTURBANCES[kind].label if kind in DISTURBANCES else kind
 
 
 def _of_cone(number: int) -> str:

@@ -13,6 +13,9 @@ from gaitchain.sim.world import World
 
 CLEAR_RADIUS_M = 0.4
 """Radius without blocks around the robot's start [m]."""
+NOISE_SD = 0.001, 0.05, 0.02, 0.3
+"""Standard deviations of sensors at noise level 1: joint position [rad], joint velocity
+[rad/s], gyro [rad/s], accelerometer [m/s^2]."""
 # Streams of random numbers.
 _MODEL, _BLOCKS, _NOISE, PUNCHES_STREAM, ARMS_STREAM, PUSHES_STREAM = range(6)
 JITTER_STREAM, _ENCODERS, _IMU_TILT, _IMU_AT, _IMU_SCALE, _COM, _GAINS = range(6, 13)
@@ -146,8 +149,7 @@ def stream_of(world: World, stream: int) -> np.random.Generator:
 class SensorNoise:
     """Sensor errors: white Gaussian noise, and a constant bias of the gyro.
 
-    Standard deviations at level 1: joint position 0.001 rad, joint velocity
-    0.05 rad/s, gyro 0.02 rad/s, accelerometer 0.3 m/s^2. The gyro's bias is
+    At level 1 it has the standard deviations `NOISE_SD`, and the gyro's bias is
     0.005 rad/s with a random sign on each axis. Other levels are in proportion. The
     sole loads have no noise.
     """
@@ -165,7 +167,7 @@ class SensorNoise:
         """Seed the generator by the world and draw the first errors."""
         self._rng = stream_of(world, _NOISE)
         sizes = [joints, joints, 3, 3]
-        self._scale = world.noise * np.repeat([0.001, 0.05, 0.02, 0.3], sizes)
+        self._scale = world.noise * np.repeat(NOISE_SD, sizes)
         errors = self._errors = np.zeros(sum(sizes))
         # Views, so that one draw renews all four.
         (
