@@ -30,6 +30,7 @@ FEWER = {
     "recovery_walks": {
         "\n_SECONDS, _SEGMENTS = 20.0, 5": "\n_SECONDS, _SEGMENTS = 8.0, 2"
     },
+    "trial": {"\n    seconds: float = 30.0\n": "\n    seconds: float = 6.0\n"},
 }
 # Python runs it at its start, if it is on the path.
 FINDER = """
