@@ -14,6 +14,7 @@ from html.parser import HTMLParser
 import msgspec
 import numpy as np
 import pytest
+import small_proof
 
 from gaitchain.build import push
 from gaitchain.build.journal import Journal
@@ -38,10 +39,8 @@ WORDS = ["--bound", "0.05", "--seconds", "3", "--workers", "1"]
 
 
 @pytest.fixture(scope="module", autouse=True)
-def few_at_once():
-    """Seventeen draws suffice; of 32 that are begun together half would be in vain."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(proof_walks, "_BATCH", 18)
+def brief():
+    with small_proof.few_worlds(), small_proof.few_at_once():
         yield
 
 
@@ -249,7 +248,7 @@ def test_it_goes_on_after_an_interrupt(proven, tmp_path, monkeypatch, capsys):
 def test_a_killed_proof_walks_nothing_again(signum, proven, tmp_path, capsys):
     out = tmp_path / "P.gait"
     words = ["qualify", "res", *WORDS, "-o", str(out)]
-    child = subprocess.Popen([sys.executable, "-m", "gaitchain", *words])
+    child = subprocess.Popen([sys.executable, small_proof.__file__, *words])
     kept = tmp_path / "P.gait.proof.jsonl"
     wait_until(lambda: kept.exists() and kept.read_bytes().count(b"\n") > 4, child)
     child.send_signal(signum)

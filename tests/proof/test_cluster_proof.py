@@ -10,9 +10,10 @@ from contextlib import closing, contextmanager, suppress
 from functools import wraps
 
 import pytest
+import small_proof
 from joblib import parallel_config
 from patience import PATIENCE_S, Deadline
-from small_proof import WORDS, proven
+from small_proof import WORDS, few_worlds, proven
 
 from gaitchain.cli import run
 from gaitchain.cli.cluster import dask_client
@@ -42,7 +43,7 @@ def test_a_killed_dask_worker_changes_nothing(here):
 @contextmanager
 def running(*words, **pipes):
     """A Python process of our own, ended by its id."""
-    child = subprocess.Popen([sys.executable, "-m", *words], **pipes)
+    child = subprocess.Popen([sys.executable, *words], **pipes)
     try:
         yield child
     finally:
@@ -97,13 +98,15 @@ def test_a_killed_worker_and_scheduler_lose_nothing_that_is_finished(
     port, out = free_port(), tmp_path / "P.gait"
     address, journal = f"tcp://127.0.0.1:{port}", tmp_path / "P.gait.proof.jsonl"
     place = "--host", "127.0.0.1", "--no-dashboard"
-    worker = "distributed.cli.dask_worker", address, *place, "--no-nanny"
+    scheduler = "-m", "distributed.cli.dask_scheduler", *place, "--port", f"{port}"
+    worker = "-m", "distributed.cli.dask_worker", address, *place, "--no-nanny"
     job = *WORDS, "-o", str(out), "--quiet"
+    asking = small_proof.__file__, *job, "--backend", "dask", "--address", address
     with (
-        running("distributed.cli.dask_scheduler", *place, "--port", f"{port}") as boss,
+        running(*scheduler) as boss,
         running(*worker, "--nthreads", "1") as first,
         running(*worker, "--nthreads", "1"),
-        running("gaitchain", *job, "--backend", "dask", "--address", address) as asked,
+        running(*asking) as asked,
     ):
         kept = wait_for_walks(journal, 4, asked)
         first.kill()
@@ -112,7 +115,7 @@ def test_a_killed_worker_and_scheduler_lose_nothing_that_is_finished(
         assert asked.wait(10.0 * PATIENCE_S) != 0
     finished = walks_kept(journal)
     assert not out.exists()
-    with counted(monkeypatch) as numbers:
+    with few_worlds(), counted(monkeypatch) as numbers:
         assert run([*job, "--workers", "1"]) == 0
     drawn = [number for number in numbers if number < CHOSEN]
     assert drawn == [number for number in range(32) if number not in finished]
