@@ -92,8 +92,16 @@ def report(folder, library=SHIPPED, measures=None, proof=PROOF):
     return words, json.loads(numbers.read_text("utf-8"))
 
 
-def test_walks_that_had_been_seen_before_the_criterion_was_chosen_are_said(tmp_path):
-    words, numbers = report(tmp_path)
+@pytest.fixture(scope="module")
+def usual(tmp_path_factory):
+    """What the report of the numbers above says, and its own numbers."""
+    return report(tmp_path_factory.mktemp("usual"))
+
+
+def test_walks_that_had_been_seen_before_the_criterion_was_chosen_are_said(
+    usual, tmp_path
+):
+    words, _ = usual
     assert "Criterion, fixed before the first walk" in words
     assert "had been seen" not in words
     before = EarlierCriterion(1e-4, 0.9, 60.0), EarlierCriterion(1e-2, 0.95, 60.0)
@@ -106,7 +114,7 @@ def test_walks_that_had_been_seen_before_the_criterion_was_chosen_are_said(tmp_p
     assert numbers["before"] == [*map(asdict, before)]
 
 
-def test_who_falls_without_a_push_is_counted_and_moves_no_limit(tmp_path):
+def test_who_falls_without_a_push_is_counted_and_moves_no_limit(usual, tmp_path):
     """One such walk made J5 of this side 0.1 N s."""
     words, numbers = report(tmp_path, measures=measures_of((0.0, *HELD), HELD))
     ahead, left = numbers["measures"]["pushes"]
@@ -114,8 +122,7 @@ def test_who_falls_without_a_push_is_counted_and_moves_no_limit(tmp_path):
     assert ahead["j5"] == left["j5"]
     assert ahead["j50"]["ns"] == pytest.approx(16.0)
     assert "1 of 7 walks fell without a push" in words
-    plain, _ = report(tmp_path)
-    assert "without a push" not in plain
+    assert "without a push" not in usual[0]
 
 
 def test_sides_without_two_walks_that_hold_have_no_limit(tmp_path):
@@ -127,7 +134,7 @@ def test_sides_without_two_walks_that_hold_have_no_limit(tmp_path):
     assert "2 of 6 walks fell without a push" in words
 
 
-def test_walks_that_were_no_draws_are_told_apart(tmp_path):
+def test_walks_that_were_no_draws_are_told_apart(usual, tmp_path):
     chosen = ChosenWalks(("friction 0.6", "pyramidal friction"), 21, 1)
     words, numbers = report(tmp_path, proof=replace(PROOF, chosen=chosen))
     for said in (
@@ -140,7 +147,7 @@ def test_walks_that_were_no_draws_are_told_apart(tmp_path):
         assert said in words
     assert numbers["chosen"]["falls"] == 1
     assert numbers["total"]["falls"] == 0
-    plain, numbers = report(tmp_path)
+    plain, numbers = usual
     assert "No walk was drawn" not in plain
     assert numbers["chosen"] is None
 
@@ -186,9 +193,9 @@ def test_a_file_that_has_changed_since_is_not_attested(toy_library, toy_path, tm
     assert said().startswith("not at hand")
 
 
-def test_lowered_hips_are_among_what_was_not_tested(tmp_path):
+def test_lowered_hips_are_among_what_was_not_tested(usual):
     """Random schedules command none, though the library's range has some."""
-    words, numbers = report(tmp_path)
+    words, numbers = usual
     deepest = SHIPPED.command_range.crouch[0]
     lowered = "Walks with lowered hips, which commands may ask for, up to "
     lowered += f"{1000.0 * deepest:.0f} mm."
@@ -198,8 +205,8 @@ def test_lowered_hips_are_among_what_was_not_tested(tmp_path):
     assert set(numbers["commands"]) == {"vx", "vy", "yaw_rate"}
 
 
-def test_that_a_simplified_robot_walked_is_said_where_it_is_looked_for(tmp_path):
-    words, numbers = report(tmp_path)
+def test_that_a_simplified_robot_walked_is_said_where_it_is_looked_for(usual):
+    words, numbers = usual
     simple = "a simplified robot: legs as in its file, all else one rigid body, arms"
     assert words.count(simple) == 2
     assert words.index(simple) < words.index("Declared use")
@@ -369,18 +376,17 @@ def test_the_numbers_have_what_the_page_says_of_use_and_of_the_own_model(
         assert f"{name} {value}" in words
 
 
-def test_without_a_grid_the_page_says_that_there_is_none(tmp_path):
-    words, _ = report(tmp_path / "with")
-    assert "Bold rows are mild worlds" in words
-    words, _ = report(tmp_path / "without", SHIPPED.as_built())
+def test_without_a_grid_the_page_says_that_there_is_none(usual, tmp_path):
+    assert "Bold rows are mild worlds" in usual[0]
+    words, _ = report(tmp_path, SHIPPED.as_built())
     assert "Bold rows are mild worlds" not in words
     assert "all mild" not in words
     assert "Map of worlds There is none" in words
 
 
-def test_seeds_of_what_is_measured_draw_its_walks(tmp_path, monkeypatch):
+def test_seeds_of_what_is_measured_draw_its_walks(usual, monkeypatch):
     """Pushes, stops and falls that are provoked, each by the seeds that are written."""
-    words, numbers = report(tmp_path)
+    words, numbers = usual
     seeds = numbers["measure_seeds"]
     for what, text in seeds.items():
         assert f"{what} {text}" in words
@@ -416,13 +422,13 @@ def test_seeds_of_what_is_measured_draw_its_walks(tmp_path, monkeypatch):
     assert ours("from each side") == (asked[0][2], number)
 
 
-def test_the_command_has_all_that_the_report_depends_on(tmp_path):
-    words, _ = report(tmp_path)
+def test_the_command_has_all_that_the_report_depends_on(usual):
+    words, _ = usual
     assert "--report DIR -o FILE --report-walks 3" in words
 
 
-def test_walks_of_strides_last_seconds_in_worlds_of_strides(tmp_path):
-    words, _ = report(tmp_path)
+def test_walks_of_strides_last_seconds_in_worlds_of_strides(usual):
+    words, _ = usual
     assert "random over that range, walks of 60 s" in words
     assert "friction 0.6 to 1, mass and CoM of links 10 % off at most" in words
 
