@@ -58,6 +58,7 @@ def swung():
 def found(swung):
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(motion_fit.SEARCHES, "held", 8)
+        patch.setattr(motion_fit, "REPLAYS", 64)
         patch.setattr(motion_fit, "EXPLAINED", np.inf)  # of so few rounds
         patch.setattr(motion_fit, "NEAR", (Round(0.1, 0.4),))
         return fit_logs(RES, [swung], 1, quiet)
