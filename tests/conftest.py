@@ -9,9 +9,10 @@ from zlib import crc32
 import hypothesis
 import pytest
 from planned_library import planned_library
+from small_build import brief_schedules
 from toy_file import toy
 
-from gaitchain.build import command_envelope, usual_errors
+from gaitchain.build import command_envelope, recovery_walks, usual_errors
 from gaitchain.build.grid import Grid
 from gaitchain.build.pipeline import build_library
 from gaitchain.build.qualify import qualify_grid
@@ -172,6 +173,9 @@ def brisk(once):
 
 def _build_brisk():
     with pytest.MonkeyPatch.context() as patch:
+        brief_schedules(patch)
+        patch.setattr(recovery_walks, "_SECONDS", 8.0)
+        patch.setattr(recovery_walks, "_SEGMENTS", 2)
         patch.setattr(command_envelope, "_RUNS", 2)  # at every end of the range
         patch.setattr(command_envelope, "_SECONDS", 10.0)
         patch.setattr(command_envelope, "_SCHEDULES", 1)

@@ -30,7 +30,7 @@ TINY = BuildConfig(
     poses_per_layer=(4, 6, 8, 4),
     walks=6,
     qualification_walks=6,
-    gate_runs=3,
+    gate_runs=2,
     gate_share=0.0,
 )
 
@@ -379,7 +379,7 @@ def test_an_interrupted_build_gives_the_same_bytes(tmp_path, monkeypatch):
     monkeypatch.setattr(Journal, "add", add)
     with keeping(journal_of(tmp_path, TINY)):
         library, _ = build_library(TINY)
-    assert len(journal_of(tmp_path, TINY).found) == 6 + 6 + 3
+    assert len(journal_of(tmp_path, TINY).found) == 6 + 6 + 2
     assert library_bytes(library) == library_bytes(whole)
 
 

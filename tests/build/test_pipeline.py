@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from small_build import SMALLEST, TINY, few_steady_walks
 
-from gaitchain.build import pipeline
+from gaitchain.build import command_envelope, pipeline
 from gaitchain.build.gate import gate
 from gaitchain.build.keypose import KEY_POSE_BUILD
 from gaitchain.build.no_walk import NoWalkError
@@ -392,10 +392,10 @@ def test_a_build_without_processes_is_refused(workers):
 
 
 @pytest.fixture
-def few_walks():
-    """Who slows down asks in physics where it falls: by few walks here."""
-    with few_steady_walks():
-        yield
+def few_walks(monkeypatch):
+    """Who slows down asks in physics where it falls: by few short walks here."""
+    monkeypatch.setattr(command_envelope, "_HARD_RUNS", 1)
+    monkeypatch.setattr(command_envelope, "_SECONDS", 1.0)
 
 
 STANDING = (0, 0)  # a step that no library allows, so forbidding it changes nothing

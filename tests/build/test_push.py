@@ -56,8 +56,8 @@ def test_bisection_at_its_ends():
 
 
 def test_any_number_of_workers_gives_the_same(library, speed, pushed):
-    again = run_pushes(PushedWalk(library, speed), 2, 3, directions=2, workers=2)
-    assert list(again) == pushed
+    again = run_pushes(PushedWalk(library, speed), 1, 3, directions=2, workers=2)
+    assert list(again) == pushed[::2]
 
 
 def test_every_side_has_the_same_runs(pushed):

@@ -1,10 +1,12 @@
 """As little of a build as there can be: seconds on one core."""
 
 from contextlib import contextmanager
+from functools import partial
 
 import pytest
 
-from gaitchain.build import command_envelope, usual_errors
+from gaitchain.build import command_envelope, gate, usual_errors
+from gaitchain.build.trial import Trial
 from gaitchain.gait.build_config import BuildConfig
 
 # Key poses, by planned cost.
@@ -32,8 +34,12 @@ SMALLEST = BuildConfig(
 
 @contextmanager
 def few_steady_walks():
-    """Walk each end of the range once, for 4 s: 2 s are left after the run-in."""
+    """Walk each end of the range once, for 4 s: 2 s are left after the run-in.
+
+    Random schedules are as brief.
+    """
     with pytest.MonkeyPatch.context() as patch:
+        brief_schedules(patch)
         patch.setattr(command_envelope, "_RUNS", 1)
         patch.setattr(command_envelope, "_SECONDS", 4.0)
         patch.setattr(command_envelope, "_SCHEDULES", 1)
@@ -42,3 +48,9 @@ def few_steady_walks():
         patch.setattr(usual_errors, "_RUNS_OFF", 1)
         patch.setattr(usual_errors, "_SECONDS", 3.0)
         yield
+
+
+def brief_schedules(patch):
+    """Let a build's random schedules end after 6 s; its workers are told so."""
+    for module in (command_envelope, gate):
+        patch.setattr(module, "Trial", partial(Trial, seconds=6.0))
