@@ -29,7 +29,7 @@ def runs(library):
 
 def test_any_number_of_workers_gives_the_same_runs(library, runs):
     assert list(run_trials(Trial(library), 3, 4, 2)) == runs
-    assert list(run_trials(Trial(library), 2, 4, 1)) == runs[:2]
+    assert list(run_trials(Trial(library), 1, 4, 1)) == runs[:1]
 
 
 def test_runs_are_numbered_and_differ(library, runs):
@@ -64,9 +64,9 @@ def test_the_seed_repeats_a_single_run(library, runs):
 
 
 def test_worlds_vary_as_asked(library, runs):
-    nominal = list(run_trials(Trial(library, worlds=NOMINAL), 2, 4, 1))
-    assert [run.schedule for run in nominal] == [run.schedule for run in runs[:2]]
-    assert [run.distance_m for run in nominal] != [run.distance_m for run in runs[:2]]
+    (nominal,) = run_trials(Trial(library, worlds=NOMINAL), 1, 4, 1)
+    assert nominal.schedule == runs[0].schedule
+    assert nominal.distance_m != runs[0].distance_m
 
 
 def test_the_policy_is_passed_on(library, runs):

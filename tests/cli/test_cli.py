@@ -24,6 +24,7 @@ from toy_file import toy
 
 import gaitchain
 from gaitchain.analysis.record_file import load_record
+from gaitchain.build import push
 from gaitchain.build.jobs import run_jobs
 from gaitchain.build.journal import code_digest
 from gaitchain.cli.build import cached_library
@@ -132,15 +133,15 @@ def test_trial_counts_and_repeats(library_path, tmp_path, capsys):
     results = []
     for name in ("one.json", "two.json"):
         code, out, _ = call(
-            capsys, "trial", library_path, "--runs", 3, "--seed", 7,
+            capsys, "trial", library_path, "--runs", 2, "--seed", 7,
             "--json", tmp_path / name, "--open-loop",
         )  # fmt: skip
         results.append(json.loads((tmp_path / name).read_text()))
     assert results[0] == results[1]
     result = results[0]
-    assert result["runs"] == 3
+    assert result["runs"] == 2
     assert result["survived"] == sum(r["survived"] for r in result["per_run"])
-    assert code == (0 if result["survived"] == 3 else 1)
+    assert code == (0 if result["survived"] == 2 else 1)
     keys = {"speed_mps", "speed_error_mps", "yaw_drift_deg", "stop_s"}
     told = {"seed", "cause", "schedule", "survived", "world"} | keys
     assert all(told <= set(r) for r in result["per_run"])
@@ -219,7 +220,8 @@ def test_a_replay_shows_the_floor_that_was_walked(
 
 
 @pytest.mark.slow
-def test_push_reports_impulses(library, library_path, tmp_path, capsys):
+def test_push_reports_impulses(library, library_path, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(push, "RESOLUTION", 1.0 / 16.0)  # of few walks
     path, picture = tmp_path / "push.json", tmp_path / "push.png"
     code, out, _ = call(
         capsys, "push", library_path, "--vx", middle_speed(library), "--runs", 1,
