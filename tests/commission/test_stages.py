@@ -148,6 +148,8 @@ def test_a_blocked_joint_is_seen_by_its_encoder():
     assert verdict.outcome == "no-go"
     assert f"{knee} turned by" in verdict.said
     assert "blocked" in verdict.said
+    assert "pwm_limit" in verdict.todo
+    assert "sign" not in verdict.todo
 
 
 def test_the_legs_go_straight_and_a_person_judges():
@@ -416,6 +418,32 @@ def test_a_turned_imu_is_no_go(axes, said):
     assert verdict.outcome == "no-go"
     assert said in verdict.said
     assert "axes" in verdict.todo
+
+
+@pytest.mark.parametrize(
+    ("felt", "said", "todo"),
+    [
+        ([0.0, 0.0, 19.6], "long, at rest", "accelerometer_scale"),
+        ([0.0, 0.0, -9.81], "up is near the trunk's -z", "imu.axes"),
+    ],
+)
+def test_what_to_do_is_for_what_was_found(felt, said, todo):
+    with robot() as (bench, bus):
+        bus.bus.devices[200].acceleration = np.array(felt)
+        verdict = check_imu(bench)
+    assert verdict.outcome == "no-go"
+    assert said in verdict.said
+    assert todo in verdict.todo
+    other = {"accelerometer_scale", "imu.axes"} - {todo}
+    assert not any(word in verdict.todo for word in other)
+
+
+def test_a_trunk_that_was_not_tipped_is_to_be_tipped():
+    with robot() as (bench, _):
+        verdict = check_imu(bench)
+    assert "it shows 0 deg" in verdict.said
+    assert "tip it by 8 deg" in verdict.todo
+    assert "axes" not in verdict.todo
 
 
 def test_without_an_imu_the_stage_is_skipped():

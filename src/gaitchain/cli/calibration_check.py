@@ -114,7 +114,7 @@ def _felt(bus: ServoBus, imu: ImuCalibration) -> list[str]:
             f"{np.linalg.norm(pulling):.2f} long, up is {tilt_deg(pulling):.0f} deg "
             f"from the trunk's z; turns by {_numbers(np.degrees(turning))} deg/s"
         )
-        wrong = implausible(turning, pulling)
+        wrong = [f"{it.why}: {it.todo}" for it in implausible(turning, pulling)]
     for words in wrong:
         say(f"{name}: {words}")
     return wrong

@@ -1,9 +1,9 @@
 """What every stage works with: the robot's library, its servos, and a person. Ours."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -33,6 +33,21 @@ class Verdict:
     """What to do about it."""
     measured: Mapping[str, Any] = field(default_factory=dict)
     """Figures, with their units in the names."""
+
+
+class Fault(NamedTuple):
+    """One thing that is wrong."""
+
+    why: str
+    todo: str
+    """What to do about this one."""
+
+
+def no_go(faults: Sequence[Fault], measured: Mapping[str, Any]) -> Verdict:
+    """Return the verdict on what is wrong, with what to do about each, once."""
+    said = "; ".join(fault.why for fault in faults)
+    todo = "; ".join(dict.fromkeys(fault.todo for fault in faults))
+    return Verdict("no-go", said, todo, measured)
 
 
 class Person(Protocol):

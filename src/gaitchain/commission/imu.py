@@ -1,12 +1,11 @@
 """Whether gyro and accelerometer are mounted as the calibration says."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from gaitchain.backends.base import Backend
-from gaitchain.commission.bench import Bench, Verdict
+from gaitchain.commission.bench import Bench, Fault, Verdict, no_go
 from gaitchain.live.clock import Pacer
 from gaitchain.messages import GRAVITY, Array
 
@@ -20,7 +19,10 @@ _AXES = "xyz"
 # What a person does, the axis along which gravity then shows, and its sign.
 _TIPS = (("forward", 0, -1), ("to its left", 1, -1))
 _GYRO_TODO = "correct imu.gyro_scale and its sign, or its address and format"
-_TODO = "correct imu.axes in the calibration: the IMU's axes ahead, to the left, and up"
+_AXES_TODO = (
+    "correct imu.axes in the calibration: the IMU's axes ahead, to the left, and up"
+)
+_CABLE_TODO = "check its cable, id and format"
 
 
 def check_imu(bench: Bench) -> Verdict:
@@ -30,13 +32,14 @@ def check_imu(bench: Bench) -> Verdict:
         return Verdict("skipped", said, "add a table [imu], or serve with --open-loop")
     with bench.robot() as backend:
         bench.person.ready("Hold the trunk upright and still, torque is off")
-        rate, up = felt(bench, backend)
+        came = felt(bench, backend)
+        rate, up = _mean(came)
         figures: dict[str, object] = {"upright_m_s2": up.tolist()}
-        fault = _upright(rate, up)
-        if fault is None and bench.person.present:
-            fault = _tip(bench, backend, rate, up, figures)
-    if fault is not None:
-        return Verdict("no-go", fault.why, fault.todo, figures)
+        wrong = _upright(came)
+        if not wrong and bench.person.present:
+            wrong = _tip(bench, backend, rate, up, figures)
+    if wrong:
+        return no_go(wrong, figures)
     turned = (
         "" if bench.person.present else "; nobody tipped it: x and y are not checked"
     )
@@ -45,24 +48,16 @@ def check_imu(bench: Bench) -> Verdict:
     return Verdict("go", said, measured=figures)
 
 
-class _Fault(NamedTuple):
-    """What is wrong with an IMU."""
-
-    why: str
-    todo: str
-
-
-def _upright(rate: Array, up: Array) -> _Fault | None:
-    """Judge mean rate (3,) [rad/s] and acceleration (3,) [m/s^2], upright and still."""
-    if not np.isfinite([rate, up]).all():
-        return _Fault("the IMU does not answer", "check its cable, id and format")
-    wrong = implausible(rate, up)
-    return _Fault("; ".join(wrong), _TODO) if wrong else None
+def _upright(came: Array) -> list[Fault]:
+    """Judge rates [rad/s] and accelerations [m/s^2] (N, 2, 3), upright and still."""
+    if not len(came):
+        return [Fault("the IMU does not answer", _CABLE_TODO)]
+    return implausible(*_mean(came))
 
 
 def _tip(
     bench: Bench, backend: Backend, bias: Array, up: Array, figures: dict[str, object]
-) -> _Fault | None:
+) -> list[Fault]:
     """Have a person tip the trunk forward and to the left, and judge what is felt.
 
     Args:
@@ -77,14 +72,14 @@ def _tip(
         turn = _Turn(bench, backend, bias)
         tip = f"Tip the trunk {how} by 20 deg and hold it there"
         bench.person.ready(tip, turn.look)
-        _, pull = felt(bench, backend)
+        _, pull = _mean(felt(bench, backend))
         figures[f"tipped {how} m_s2"] = pull.tolist()
-        if wrong := _tipped(how, axis, sign, pull):
-            return _Fault("; ".join(wrong), _TODO)
-        if wrong := _turned(how, before, pull, turn.angle):
-            return _Fault("; ".join(wrong), _GYRO_TODO)
+        wrong = _tipped(how, axis, sign, pull)
+        wrong = wrong or _turned(how, before, pull, turn.angle)
+        if wrong:
+            return wrong
         before = pull
-    return None
+    return []
 
 
 class _Turn:
@@ -106,8 +101,8 @@ class _Turn:
             self._at_s, self._rate = now_s, rate
 
 
-def felt(bench: Bench, backend: Backend) -> tuple[Array, Array]:
-    """Return mean rate (3,) [rad/s] and acceleration (3,) [m/s^2]; NaN without any."""
+def felt(bench: Bench, backend: Backend) -> Array:
+    """Return rates [rad/s] and accelerations [m/s^2] that came, (N, 2, 3)."""
     pacer, came = Pacer(bench.clock, bench.period_s), []
     for _ in range(READS):
         pacer.wait()
@@ -115,7 +110,12 @@ def felt(bench: Bench, backend: Backend) -> tuple[Array, Array]:
         both = np.array([seen.angular_velocity, seen.acceleration])
         if np.isfinite(both).all():
             came.append(both)
-    rate, up = np.mean(came, axis=0) if came else np.full((2, 3), np.nan)
+    return np.reshape(came, (-1, 2, 3))
+
+
+def _mean(came: Array) -> tuple[Array, Array]:
+    """Return mean rate (3,) and acceleration (3,) of (N, 2, 3); NaN without any."""
+    rate, up = np.mean(came, axis=0) if len(came) else np.full((2, 3), np.nan)
     return rate, up
 
 
@@ -125,7 +125,7 @@ def tilt_deg(pulling: Array) -> float:
     return math.degrees(math.acos(min(max(float(pulling[2]) / size, -1.0), 1.0)))
 
 
-def implausible(turning: Array, pulling: Array) -> list[str]:
+def implausible(turning: Array, pulling: Array) -> list[Fault]:
     """Describe signals that are impossible at rest and upright, and what to check.
 
     Args:
@@ -137,41 +137,48 @@ def implausible(turning: Array, pulling: Array) -> list[str]:
     rate = float(np.degrees(np.abs(turning)).max())
     if not abs(size - GRAVITY) <= _OFF:
         wrong.append(
-            f"the acceleration is {size:.2f} m/s^2 long, at rest {GRAVITY}: check "
-            "accelerometer_scale, its address and format, and that nobody moves the "
-            "robot"
+            Fault(
+                f"the acceleration is {size:.2f} m/s^2 long, at rest {GRAVITY}",
+                "check accelerometer_scale, its address and format, and that nobody "
+                "moves the robot",
+            )
         )
     elif tilt > _MOST_TILT:
+        where = _direction(pulling)
         wrong.append(
-            f"up is near the trunk's {_direction(pulling)}, {tilt:.0f} deg from its z: "
-            "check axes, or hold the trunk upright"
+            Fault(
+                f"up is near the trunk's {where}, {tilt:.0f} deg from its z",
+                f"hold the trunk upright, or {_AXES_TODO}",
+            )
         )
     if not rate <= _MOST_RATE:
         wrong.append(
-            f"it turns by {rate:.1f} deg/s, at rest {_MOST_RATE:g} at "
-            "most: check gyro_scale, its address and format, and that nobody moves the "
-            "robot"
+            Fault(
+                f"it turns by {rate:.1f} deg/s, at rest {_MOST_RATE:g} at most",
+                "check gyro_scale, its address and format, and that nobody moves the "
+                "robot",
+            )
         )
     return wrong
 
 
-def _tipped(how: str, axis: int, sign: int, pulling: Array) -> list[str]:
+def _tipped(how: str, axis: int, sign: int, pulling: Array) -> list[Fault]:
     """Describe what is wrong with the acceleration of a tipped trunk."""
     flat = np.array([pulling[0], pulling[1], 0.0])
     wanted = f"{'-' if sign < 0 else '+'}{_AXES[axis]}"
     if not np.isfinite(pulling).all():
-        return ["the IMU does not answer"]
+        return [Fault("the IMU does not answer", _CABLE_TODO)]
     if tilt_deg(pulling) < _LEAST_TIP_DEG:
-        return [
-            f"tipped {how}, it shows {tilt_deg(pulling):.0f} deg; tip it by "
-            f"{_LEAST_TIP_DEG:g} at least, and begin again with --from imu"
-        ]
+        said = f"tipped {how}, it shows {tilt_deg(pulling):.0f} deg"
+        least = f"tip it by {_LEAST_TIP_DEG:g} deg at least"
+        return [Fault(said, f"begin again with --from imu, and {least}")]
     if _direction(flat) != wanted:
-        return [f"tipped {how}, gravity shows at {_direction(flat)}, not at {wanted}"]
+        said = f"tipped {how}, gravity shows at {_direction(flat)}, not at {wanted}"
+        return [Fault(said, _AXES_TODO)]
     return []
 
 
-def _turned(how: str, before: Array, after: Array, angle: Array) -> list[str]:
+def _turned(how: str, before: Array, after: Array, angle: Array) -> list[Fault]:
     """Describe what is wrong with the gyro of a trunk that was tipped.
 
     Gravity turns in the trunk as far as the trunk turns, the other way.
@@ -188,11 +195,12 @@ def _turned(how: str, before: Array, after: Array, angle: Array) -> list[str]:
     shown = float(angle @ across) / size
     if abs(shown - tipped) <= _GYRO_OFF * tipped:
         return []
-    return [
+    said = (
         f"tipped {how} by {math.degrees(tipped):.0f} deg as gravity shows, and by "
         f"{math.degrees(shown):.0f} deg as the gyro does; within "
         f"{100 * _GYRO_OFF:.0f} % is right"
-    ]
+    )
+    return [Fault(said, _GYRO_TODO)]
 
 
 def _direction(vector: Array) -> str:

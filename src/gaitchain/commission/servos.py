@@ -7,7 +7,7 @@ import numpy as np
 from gaitchain.backends.dynamixel.bus import ServoBus
 from gaitchain.backends.dynamixel.guide import joint_words
 from gaitchain.backends.dynamixel.make import make_named
-from gaitchain.commission.bench import Bench, Verdict
+from gaitchain.commission.bench import Bench, Fault, Verdict, no_go
 from gaitchain.errors import BackendError
 from gaitchain.live.exercise import swing
 from gaitchain.live.joint_mover import JointMover
@@ -29,6 +29,9 @@ _SIGN = (
     "in the calibration, change the sign of a joint that went the other way, and the "
     "ids of joints that moved for each other; or calibrate again"
 )
+_BLOCKED = "see whether it rubs or is blocked; raise its pwm_limit a little"
+_IDS = "look in the calibration whether ids are those of other joints"
+_TOGETHER = f"see whether something ties these joints; {_IDS}"
 
 
 def check_bus(bench: Bench) -> Verdict:
@@ -82,7 +85,7 @@ def _strangers(bench: Bench) -> str:
 def check_directions(bench: Bench) -> Verdict:
     """Turn joint after joint by 8 deg: by the encoders, and by the person's eyes."""
     words = joint_words(bench.library.robot.legs)
-    wrong: list[str] = []
+    wrong: list[Fault] = []
     moved_deg: dict[str, float] = {}
     with bench.robot() as backend:
         robot = bench.within(backend)
@@ -102,7 +105,7 @@ def check_directions(bench: Bench) -> Verdict:
         bench.screen.clear()
     figures = {"moved_deg": moved_deg, "seen": bench.person.present}
     if wrong:
-        return Verdict("no-go", "; ".join(wrong), _SIGN, figures)
+        return no_go(wrong, figures)
     eyes = "seen" if bench.person.present else "by the encoders alone: nobody looked"
     said = f"each of {len(words)} joints moved alone and the right way, {eyes}"
     return Verdict("go", said, measured=figures)
@@ -128,8 +131,8 @@ def _wiggle(
     return np.degrees(after - before), way
 
 
-def _by_encoders(names: Sequence[str], joint: int, turned: Array) -> str:
-    """Say what the encoders show that should not be; empty if nothing.
+def _by_encoders(names: Sequence[str], joint: int, turned: Array) -> Fault | None:
+    """Say what the encoders show that should not be.
 
     Args:
         names: of the joints.
@@ -138,19 +141,23 @@ def _by_encoders(names: Sequence[str], joint: int, turned: Array) -> str:
     """
     name, others = names[joint], np.abs(turned)
     if not turned[joint] >= _LEAST_MOVED * _WIGGLE_DEG:
-        return (
+        return Fault(
             f"{name} turned by {turned[joint]:.1f} of {_WIGGLE_DEG:g} deg: blocked, "
-            "too weak for its torque limit, or not the servo of this id"
+            "too weak for its torque limit, or not the servo of this id",
+            f"{_BLOCKED}; {_IDS}",
         )
     others[joint] = 0.0
     most = int(np.nanargmax(others))
     if others[most] > _MOST_OTHERS * _WIGGLE_DEG:
-        return f"with {name} {names[most]} turned by {others[most]:.1f} deg, too"
-    return ""
+        said = f"with {name} {names[most]} turned by {others[most]:.1f} deg, too"
+        return Fault(said, _TOGETHER)
+    return None
 
 
-def _by_eyes(bench: Bench, mover: JointMover, words: tuple[str, str], way: int) -> str:
-    """Say that the person saw something else; empty if it was as it should be.
+def _by_eyes(
+    bench: Bench, mover: JointMover, words: tuple[str, str], way: int
+) -> Fault | None:
+    """Say that the person saw something else.
 
     Args:
         bench: the bench.
@@ -161,8 +168,8 @@ def _by_eyes(bench: Bench, mover: JointMover, words: tuple[str, str], way: int) 
     (name, how), other = words, "" if way > 0 else "the other way round, "
     asked = f"{name} went and came back twice. Did it {other}{how}?"
     if bench.person.confirms(asked, mover.stay):
-        return ""
-    return f"{name}: not as it should ({how})"
+        return None
+    return Fault(f"{name}: not as it should ({how})", _SIGN)
 
 
 def check_offsets(bench: Bench) -> Verdict:
@@ -194,6 +201,6 @@ def _stays_off(name: str, off_deg: float) -> Verdict:
     return Verdict(
         "no-go",
         f"{name} stays {off_deg:.1f} deg from its target, at most {_MOST_OFF_DEG:g}",
-        "see whether it rubs or is blocked; raise its pwm_limit a little",
+        _BLOCKED,
         {"worst_deg": off_deg},
     )
