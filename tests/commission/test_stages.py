@@ -446,6 +446,16 @@ def test_a_trunk_that_was_not_tipped_is_to_be_tipped():
     assert "axes" not in verdict.todo
 
 
+def test_a_frozen_imu_is_found_before_anything_moves():
+    with robot() as (bench, bus):
+        bench.person.present = False
+        bus.bus.devices[200].noise = 0.0
+        verdict = check_imu(bench)
+    assert verdict.outcome == "no-go"
+    assert "stuck" in verdict.said
+    assert "axes" not in verdict.todo
+
+
 def test_without_an_imu_the_stage_is_skipped():
     with robot(truth=plain_calibration(library().robot)) as (bench, _):
         assert check_imu(bench).outcome == "skipped"

@@ -10,6 +10,7 @@ from gaitchain.live.clock import Pacer
 from gaitchain.messages import GRAVITY, Array
 
 READS = 25
+_LEAST_READS = 5  # that tell a stuck IMU
 _OFF = 1.0  # m/s^2; a robot held by hand sways a little
 _MOST_TILT = 45.0  # deg; a walk counts 50 as a fall
 _MOST_RATE = 5.0  # deg/s; larger than the bias of a gyro
@@ -23,6 +24,10 @@ _AXES_TODO = (
     "correct imu.axes in the calibration: the IMU's axes ahead, to the left, and up"
 )
 _CABLE_TODO = "check its cable, id and format"
+_STUCK_TODO = (
+    "switch the IMU's supply off and on; look whether its program measures, and "
+    "whether imu.gyro and imu.accelerometer are the addresses of what it measures"
+)
 
 
 def check_imu(bench: Bench) -> Verdict:
@@ -52,7 +57,7 @@ def _upright(came: Array) -> list[Fault]:
     """Judge rates [rad/s] and accelerations [m/s^2] (N, 2, 3), upright and still."""
     if not len(came):
         return [Fault("the IMU does not answer", _CABLE_TODO)]
-    return implausible(*_mean(came))
+    return stuck(came) + implausible(*_mean(came))
 
 
 def _tip(
@@ -117,6 +122,17 @@ def _mean(came: Array) -> tuple[Array, Array]:
     """Return mean rate (3,) and acceleration (3,) of (N, 2, 3); NaN without any."""
     rate, up = np.mean(came, axis=0) if len(came) else np.full((2, 3), np.nan)
     return rate, up
+
+
+def stuck(came: Array) -> list[Fault]:
+    """Describe an IMU that says the same in each of (N, 2, 3); one at rest has noise.
+
+    Few answers tell nothing of that.
+    """
+    if len(came) < _LEAST_READS or np.ptp(came, axis=0).any():
+        return []
+    said = f"the IMU is stuck: each of {len(came)} reads shows the same to the last bit"
+    return [Fault(said, _STUCK_TODO)]
 
 
 def tilt_deg(pulling: Array) -> float:
