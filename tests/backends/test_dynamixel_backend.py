@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from patience import PATIENCE_S
+from patience import PATIENCE_S, Deadline
 from servo_bench import (
     PATIENT_S,
     STAND,
@@ -190,6 +190,17 @@ def test_a_short_cut_of_the_bus_is_an_error_and_then_over():
         bus.restore()
         read_until(robot, lambda s: np.isfinite(s.joint_position).all())
         robot.write(np.zeros(3))
+
+
+def test_a_bus_that_answers_too_late_is_not_taken_for_one_that_is_cut():
+    with bench(few(3), period_s=0.05) as (bus, robot, _):
+        bus.delay_s = 0.15
+        serial, deadline = robot._bus._port._serial, Deadline()
+        with pytest.raises(BackendError, match=r"too late: set .*latency timer"):
+            while not deadline.passed():
+                robot.read()
+                while not (serial.in_waiting or deadline.passed()):
+                    pass  # as between two control periods
 
 
 def test_servos_without_supply_are_not_waited_for_at_length():

@@ -9,14 +9,16 @@ from commission_bench import CHANGED, IMU, LATE_S, Somebody, library, plain, rob
 from scipy.spatial.transform import Rotation
 
 from gaitchain.backends.dynamixel import plain_calibration
+from gaitchain.backends.dynamixel.bus_load import BusLoad
 from gaitchain.backends.dynamixel.calibration import LOW_PWM
 from gaitchain.backends.dynamixel.control_table import FULL_PWM, GOAL_PWM, TORQUE
 from gaitchain.backends.dynamixel.emulator import EmulatedServo
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.commission.bench import Bench
 from gaitchain.commission.imu import check_imu
+from gaitchain.commission.lateness import Lateness, lateness
 from gaitchain.commission.servos import check_bus, check_directions, check_offsets
-from gaitchain.commission.stages import STAGES
+from gaitchain.commission.stages import STAGES, Stage
 from gaitchain.commission.timing import (
     Timing,
     check_timing,
@@ -24,12 +26,17 @@ from gaitchain.commission.timing import (
     qualified_delay_s,
 )
 from gaitchain.commission.walking import check_hung
+from gaitchain.errors import BackendError
 from gaitchain.gait.qualification import CellReport, GridReport, Qualification
 from gaitchain.live.exercise import exercise
 from gaitchain.robot.identified import Identified
 from gaitchain.sim.world import World
 
 pytest.importorskip("dynamixel_sdk")
+LATE, IN_TIME = (
+    Lateness(BusLoad(12, 1_000_000, turn_s=turn_s), 0.01, "")
+    for turn_s in (0.008, 0.001)
+)
 STAGE = {stage.name: stage for stage in STAGES}
 
 
@@ -102,6 +109,75 @@ def test_of_servos_that_do_not_answer_nothing_is_claimed():
         verdict = STAGE["bus"].run(bench)
     assert "SWITCH" not in verdict.todo
     assert "whether all torque is off is not known" in verdict.todo
+
+
+def late_bus():
+    """Answers that come ten times as late as a period of 10 ms has room for."""
+    return robot(rate_hz=100.0, delay_s=0.02)
+
+
+def test_a_bus_whose_answers_come_late_is_no_go_whatever_their_bytes_take():
+    with late_bus() as (bench, _):
+        verdict = check_bus(bench)
+    assert verdict.outcome == "no-go"
+    assert verdict.measured["bus_ms"] < 10.0
+    assert verdict.measured["answer_ms"] > 2.0, "a busy computer counts less"
+    assert "answers come late" in verdict.said
+    for word in ("latency_timer", "Return Delay Time(9)", "adapter"):
+        assert word in verdict.todo
+    assert "cable" not in verdict.todo
+
+
+def test_the_latency_timer_is_that_of_the_port():
+    load = BusLoad(12, 1_000_000, turn_s=0.016)
+    assert "/ttyUSB3/latency_timer" in Lateness(load, 0.01, "/dev/ttyUSB3").todo
+    assert "/ttyUSB0/latency_timer" in Lateness(load, 0.01, "/dev/ttyACM3").todo
+
+
+@pytest.mark.parametrize(
+    ("turn_ms", "full", "explains"),
+    [
+        (0.2, False, False),
+        (1.0, False, False),
+        (1.6, False, False),
+        (2.1, True, True),
+        (3.0, True, True),
+    ],
+)
+def test_how_late_answers_may_come(turn_ms, full, explains):
+    """Twelve servos take 3.6 ms of ten by their bytes, and three turns."""
+    late = Lateness(
+        BusLoad(12, 1_000_000, imu_bytes=12, turn_s=1e-3 * turn_ms), 0.01, ""
+    )
+    assert (late.full, late.explains) == (full, explains)
+
+
+def dead_stage(said):
+    def fail(bench):
+        raise BackendError(said)
+
+    return Stage("dead", "ends", fail)
+
+
+def test_what_fails_on_a_late_bus_is_said_to_be_late():
+    stage = dead_stage("left_knee has not answered for 0.25 s")
+    with late_bus() as (bench, _):
+        late = stage.run(bench)
+    with robot() as (bench, _):
+        sound = stage.run(bench)
+    assert late.said.startswith("answers come late")
+    assert "left_knee has not answered" in late.said
+    assert "latency_timer" in late.todo
+    assert sound.said == "left_knee has not answered for 0.25 s"
+    assert "latency" not in sound.todo
+
+
+def test_nobody_who_answers_is_not_late():
+    with robot() as (bench, bus):
+        bus.cut()
+        late = lateness(bench)
+    assert not late.known
+    assert not late.explains
 
 
 @pytest.mark.parametrize("check", [check_directions, check_offsets])
@@ -243,6 +319,13 @@ def test_a_servo_that_dies_in_a_stage_ends_it_with_the_torque_off():
         ({"late_p99_s": 0.008}, "shorten the delay"),
         ({"rate_hz": 80.0}, "latency timer"),
         ({"lost": 0.02}, "left_knee, which missed 9 of 100"),
+        ({"late": LATE}, ""),
+        (
+            {"late": LATE, "lost": 0.2},
+            "answers come late: set the USB adapter's latency timer",
+        ),
+        ({"late": LATE, "rate_hz": 80.0}, "answers come late"),
+        ({"late": IN_TIME, "lost": 0.02}, "check cables"),
     ],
 )
 def test_timing_is_judged_by_what_was_qualified(changes, todo):

@@ -54,12 +54,29 @@ class Somebody:
 
 
 @contextmanager
-def robot(person=None, calibration=None, truth=None, rate_hz=PATIENT_HZ, late_s=None):
-    """A bench, and the emulated servos of a robot in its standing pose."""
+def robot(
+    person=None,
+    calibration=None,
+    truth=None,
+    rate_hz=PATIENT_HZ,
+    late_s=None,
+    delay_s=0.0,
+):
+    """A bench, and the emulated servos of a robot in its standing pose.
+
+    Args:
+        person: beside it.
+        calibration: of the bench; by default that of the servos.
+        truth: how the servos are.
+        rate_hz: of control.
+        late_s: an answer may be; by default a part of a period.
+        delay_s: before each answer.
+    """
     truth, clock = truth or plain(), SteppedClock()
     stand = library().robot.legs.stand
     emulated = ServoBusEmulator.like(truth, stand, clock=clock.now)
     with patient_bus(1.0 / rate_hz, late_s), emulated as bus:
+        bus.delay_s = delay_s
         if 200 in bus.bus.devices:
             bus.bus.devices[200].noise = 3.0
         bench = Bench(

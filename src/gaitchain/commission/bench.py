@@ -8,7 +8,9 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 
 from gaitchain.backends.dynamixel.backend import DynamixelBackend
+from gaitchain.backends.dynamixel.bus_load import BusLoad
 from gaitchain.backends.dynamixel.calibration import LOW_PWM, Calibration
+from gaitchain.backends.dynamixel.make import make_named
 from gaitchain.build.progress import Progress
 from gaitchain.commission.screen import NoScreen, Screen
 from gaitchain.gait.library import GaitLibrary
@@ -96,6 +98,14 @@ class Bench:
     """Servos that may hold on after the latest stage."""
     torque: str = _UNKNOWN
     """What is known of all torques since then."""
+    load: BusLoad = field(init=False)
+    """Packets of a control period, as known since the servos were last connected."""
+
+    def __post_init__(self) -> None:
+        """Take the packets of a period as the calibration tells them."""
+        own = self.calibration
+        make = make_named(own.make)
+        self.load = BusLoad(len(own.joints), own.baud, make=make)
 
     @property
     def period_s(self) -> float:
@@ -126,6 +136,7 @@ class Bench:
             yield backend
         finally:
             backend.close()
+            self.load = backend.load
             self.not_let_go = backend.may_hold
             self.torque = _UNKNOWN if backend.not_let_go else _OFF
 

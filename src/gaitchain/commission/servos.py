@@ -5,9 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from gaitchain.backends.dynamixel.bus import ServoBus
+from gaitchain.backends.dynamixel.bus_load import BusLoad
 from gaitchain.backends.dynamixel.guide import joint_words
 from gaitchain.backends.dynamixel.make import make_named
 from gaitchain.commission.bench import Bench, Fault, Verdict, no_go
+from gaitchain.commission.lateness import lateness
 from gaitchain.errors import BackendError
 from gaitchain.live.exercise import swing
 from gaitchain.live.joint_mover import JointMover
@@ -45,17 +47,32 @@ def check_bus(bench: Bench) -> Verdict:
         others = f"; {strangers}" if strangers else ""
         todo = f"mend that, and begin again; {bench.torque}"
         return Verdict("no-go", f"{error}{others}", todo)
-    count = len(heats)
+    return _in_time(bench, load, len(heats))
+
+
+def _in_time(bench: Bench, load: BusLoad, count: int) -> Verdict:
+    """Judge a sound bus by its bytes and by how late answers come.
+
+    Args:
+        bench: the bench, its servos no longer connected.
+        load: packets of a control period.
+        count: number of servos.
+    """
+    late = lateness(bench)
     how = "fast sync reads" if load.fast else "sync reads"
     said = (
-        f"{count} servos as calibrated, torque off; {how}, {1e3 * load.period_s:.1f} "
-        f"of {1e3 * bench.period_s:.1f} ms of each period on the bus"
+        f"{count} servos as calibrated, torque off; {how}, by their bytes "
+        f"{1e3 * load.period_s:.1f} of {1e3 * bench.period_s:.1f} ms of each period on "
+        f"the bus; {late.said or 'how late answers come is not known'}"
     )
     figures = {
         "servos": count,
         "fast_sync_read": load.fast,
         "bus_ms": 1e3 * load.period_s,
+        "answer_ms": 1e3 * late.load.turn_s if late.known else None,
     }
+    if late.full:
+        return Verdict("no-go", said, f"{late.todo}; then begin again", figures)
     return Verdict("go", said, measured=figures)
 
 

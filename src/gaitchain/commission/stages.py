@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from gaitchain.commission.bench import Bench, Verdict
 from gaitchain.commission.imu import check_imu
+from gaitchain.commission.lateness import failed
 from gaitchain.commission.servos import check_bus, check_directions, check_offsets
 from gaitchain.commission.timing import check_timing
 from gaitchain.commission.walking import (
@@ -40,8 +41,8 @@ class Stage(NamedTuple):
             return self.check(bench)
         except BackendError as error:
             again = f"then begin again with --from {self.name}"
-            todo = f"{bench.torque}; mend that, {again}"
-            return Verdict("no-go", str(error), todo)
+            verdict = failed(bench, str(error), "mend that")
+            return replace(verdict, todo=f"{bench.torque}; {verdict.todo}, {again}")
 
 
 STAGES = (

@@ -1,13 +1,14 @@
 """Rate, delay, jitter and lost answers, against what the library was qualified with."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from gaitchain.backends.base import Backend
 from gaitchain.commission.bench import Bench, Verdict
+from gaitchain.commission.lateness import Lateness, failed, lateness
 from gaitchain.errors import BackendError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.live.clock import Clock, Pacer
@@ -33,6 +34,8 @@ class Timing:
     """Part of the requested answers that did not arrive."""
     missed: Array
     """(2 n,) how often each joint did not answer."""
+    late: Lateness | None = None
+    """How late answers come by themselves; None where that is not known."""
 
     @property
     def delay_s(self) -> float:
@@ -137,13 +140,13 @@ def check_timing(bench: Bench) -> Verdict:
             timing = measure(backend, backend.load.write_s, bench.period_s)
             bench.progress("rate and delay", 1, 1)
     except BackendError as error:
-        return Verdict("no-go", str(error), "mend the bus; `--from bus` checks it")
-    return judge(bench, timing, qualified_s)
+        return failed(bench, str(error), "mend the bus; `--from bus` checks it")
+    return judge(bench, replace(timing, late=lateness(bench)), qualified_s)
 
 
 def judge(bench: Bench, timing: Timing, qualified_s: float) -> Verdict:
     """Compare what was measured with what the library was qualified with."""
-    latest_s = timing.delay_s + timing.jitter_s
+    late, latest_s = timing.late, timing.delay_s + timing.jitter_s
     figures = {
         "rate_hz": timing.rate_hz,
         "qualified_rate_hz": qualified_rate_hz(bench.library),
@@ -151,18 +154,32 @@ def judge(bench: Bench, timing: Timing, qualified_s: float) -> Verdict:
         "jitter_ms": 1e3 * timing.jitter_s,
         "qualified_delay_ms": 1e3 * qualified_s,
         "lost_percent": 100.0 * timing.lost,
+        "answer_ms": 1e3 * late.load.turn_s if late and late.known else None,
     }
     said = (
         f"{timing.rate_hz:.1f} Hz; targets {1e3 * timing.delay_s:.1f} ms after the "
         f"measurement, 99 of 100 within {1e3 * latest_s:.1f} ms (qualified: "
         f"{1e3 * qualified_s:.0f} ms); {100.0 * timing.lost:.2f} % of the answers lost"
     )
+    if late and late.said:
+        said = f"{said}; {late.said}"
     todo = _remedy(bench, timing, qualified_s)
     return Verdict("no-go" if todo else "go", said, todo, figures)
 
 
 def _remedy(bench: Bench, timing: Timing, qualified_s: float) -> str:
-    """Say what to do about what was measured; empty if nothing."""
+    """Say what to do about what was measured; empty if nothing.
+
+    Late answers count as lost ones and delay control, so they come first.
+    """
+    wrong = _loss(bench, timing) or _slowness(bench, timing, qualified_s)
+    if wrong and timing.late and timing.late.explains:
+        return f"answers come late: {timing.late.todo}; then --from timing again"
+    return wrong
+
+
+def _loss(bench: Bench, timing: Timing) -> str:
+    """Say what to do about lost answers; empty if few are."""
     if timing.lost > _MOST_LOST:
         worst = int(np.argmax(timing.missed))
         name = bench.library.robot.legs.joint_names[worst]
@@ -171,6 +188,11 @@ def _remedy(bench: Bench, timing: Timing, qualified_s: float) -> str:
             f"all before {name}, which missed {timing.missed[worst]} of "
             f"{len(timing.delays_s)}; then supply, ground, and a lower baud rate"
         )
+    return ""
+
+
+def _slowness(bench: Bench, timing: Timing, qualified_s: float) -> str:
+    """Say what to do about control that is slow or late; empty if it is not."""
     slow = _too_slow(bench, timing)
     if slow:
         return slow

@@ -105,7 +105,7 @@ class DynamixelBackend:
         self._may_hold: list[int] = []
         self._in_use = False  # from the first `connect` to `close`
         self._silent_since: float | None = None
-        self._silent_reads = 0
+        self._silent_reads = self._late_bytes = 0
 
     def connect(self, position: Array) -> None:
         """Open the port, find every servo and turn its torque off.
@@ -320,6 +320,15 @@ class DynamixelBackend:
             return holding
         return [number for number in holding if self._bus.ping(number) is not None]
 
+    def _why_silent(self) -> str:
+        """Say what to look at when no servo answers, or none in time."""
+        if self._bus.late_bytes > self._late_bytes:
+            return (
+                "answers come, but too late: set the adapter's latency timer to 1 ms "
+                f"and {self._make.delay_register} to 0 (`gaitchain doctor`)"
+            )
+        return "check the supply, the cable and the emergency stop"
+
     def _why_refused(self) -> str:
         """Say why no goals are sent after a silence."""
         silence = f"nothing for {self._stops_s:g} s"
@@ -344,12 +353,13 @@ class DynamixelBackend:
             self._silent_since, self._silent_reads = None, 0
             self._check_watchdog(quiet_s)
             return
-        self._silent_since = now if since is None else since
+        if since is None:
+            self._silent_since, self._late_bytes = now, self._bus.late_bytes
         self._silent_reads += 1
         if quiet_s > _SILENCE_S and self._silent_reads > _SILENT_READS:
             raise BackendError(
-                f"{self._port}: no servo has answered for {quiet_s:.2f} s; check the "
-                "supply, the cable and the emergency stop"
+                f"{self._port}: no servo has answered for {quiet_s:.2f} s; "
+                f"{self._why_silent()}"
             )
 
     def _check_watchdog(self, quiet_s: float) -> None:

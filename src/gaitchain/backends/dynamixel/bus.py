@@ -4,6 +4,7 @@ import contextlib
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from statistics import median
 
 from gaitchain.backends.dynamixel.control_table import Block
 from gaitchain.backends.dynamixel.make import DYNAMIXEL, Make
@@ -75,6 +76,11 @@ class ServoBus:
         return self._baud
 
     @property
+    def late_bytes(self) -> int:
+        """Number of bytes that came when nobody waited for them any more."""
+        return 0 if self._port is None else self._port.late_bytes
+
+    @property
     def is_open(self) -> bool:
         """Whether the port is open."""
         return self._port is not None
@@ -114,14 +120,39 @@ class ServoBus:
         Raises:
             BackendError: the port is lost.
         """
+        return self._timed_ping(number)[0]
+
+    def _timed_ping(self, number: int) -> tuple[int | None, float]:
+        """Return the model number of a servo, None without, and how long it took."""
         if self._wait_left_s <= 0.0:
-            return None
+            return None, math.inf
         with self._connected_port() as (port, wire):
             begin = port.now()
             model = wire.ping(number)
+            took_s = port.now() - begin
             if model is None:
-                self._wait_left_s -= port.now() - begin
-        return model
+                self._wait_left_s -= took_s
+        return model, took_s
+
+    def turn_s(self, ids: Iterable[int]) -> float:
+        """Return how long servos take to answer a ping, beyond its bytes [s].
+
+        It is the median of those that answer: a busy computer delays some. NaN if none
+        does.
+
+        Args:
+            ids: ids to ping, one after the other.
+
+        Raises:
+            BackendError: the port is lost.
+        """
+        pings = [self._timed_ping(number) for number in ids]
+        came_s = [took_s for model, took_s in pings if model is not None]
+        if not came_s:
+            return math.nan
+        wire, port = self._connected_wire(), self._connected()
+        line_s = (wire.request + wire.frame) * port.byte_s
+        return max(median(came_s) - line_s, 0.0)
 
     def scan(self, ids: Iterable[int] | None = None) -> dict[int, int]:
         """Return the model numbers by id of all devices that answer.

@@ -16,7 +16,7 @@ SHARE = 0.8
 TURN_S = 1e-3
 """From the end of a request to an answer's first byte at the program, and back [s]. The
 least setting of an FTDI adapter's latency timer (FTDI, AN232B-04), which other adapters
-with frames of USB full speed, 1 ms, do not beat. An assumption: it is not measured."""
+with frames of USB full speed, 1 ms, do not beat. An assumption, until measured."""
 _MOST_SERVOS = 253
 LEAST_HZ = 20
 """Least rate of control periods that `serve` takes, `cli.options.Serve.rate` [Hz]."""
@@ -36,6 +36,8 @@ class BusLoad:
     imu_bytes: int = 0
     """Data of a read of the IMU; 0 without an IMU."""
     make: Make = DYNAMIXEL
+    turn_s: float = TURN_S
+    """From the end of a request to its answer at the program, without delay_s [s]."""
 
     @property
     def read_s(self) -> float:
@@ -45,7 +47,7 @@ class BusLoad:
         if self.fast:
             answers = FAST_HEAD + self.servos * (FAST_FRAME + size)
         sent = wire.request + self.servos
-        return self._line_s(sent + answers) + self.servos * self.delay_s + TURN_S
+        return self._line_s(sent + answers) + self.servos * self.delay_s + self.turn_s
 
     @property
     def write_s(self) -> float:
@@ -120,18 +122,18 @@ class BusLoad:
         return (
             self._line_s(self.make.wire.request + self.make.wire.frame + size)
             + self.delay_s
-            + TURN_S
+            + self.turn_s
         )
 
     def _parts(self) -> str:
         """Say what takes how long."""
         turns = 3 if self.imu_bytes else 2
         parts = {
-            "read": self.read_s - TURN_S,
-            "imu": self.imu_s - TURN_S if self.imu_bytes else 0.0,
-            "status of one": self.look_s - TURN_S,
+            "read": self.read_s - self.turn_s,
+            "imu": self.imu_s - self.turn_s if self.imu_bytes else 0.0,
+            "status of one": self.look_s - self.turn_s,
             "write": self.write_s,
-            f"{turns} turns of the adapter": turns * TURN_S,
+            f"{turns} turns of the adapter": turns * self.turn_s,
         }
         told = [
             f"{name} {1e3 * time_s:.1f}" for name, time_s in parts.items() if time_s

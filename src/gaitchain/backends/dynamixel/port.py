@@ -42,6 +42,8 @@ class ServoPort:
         self._baud = baud
         self.now = StallFreeClock(_COUNTED_S)
         """Clock of all waits for answers [s]."""
+        self.late_bytes = 0
+        """Number of discarded bytes."""
         self._start_s, self._timeout_s = 0.0, 0.0
         self._serial = _open(name, baud)
 
@@ -56,7 +58,8 @@ class ServoPort:
             self._serial.close()
 
     def clearPort(self) -> None:
-        """Discard the received bytes."""
+        """Discard the received bytes, which came after their time; count them."""
+        self.late_bytes += self._serial.in_waiting
         self._serial.reset_input_buffer()
 
     def readPort(self, length: int) -> bytes:
