@@ -132,8 +132,38 @@ def test_a_journal_remembers_by_what_its_results_were_judged(tmp_path):
     assert judged([0.4, 0.9], []) == ([[0.3, 0.9], [0.2, 0.9]], [[1], [2], [3]])
 
 
+def test_criteria_of_other_work_are_remembered_if_it_judged_the_same(
+    tmp_path, monkeypatch
+):
+    def judged(about, of, by, pieces):
+        path = tmp_path / "work.jsonl"
+        with Journal(path, about, of, criterion=by, about=about) as journal:
+            for piece in pieces:
+                journal.add(piece)
+        return journal.criteria
+
+    assert judged(b"res", 10, [0.1], [[1]]) == []
+    assert judged(b"res", 6, [0.2], []) == [[0.1]]
+    assert judged(b"res", 6, [0.2], [[1]]) == [[0.1]], "though nothing was seen since"
+    assert judged(b"op3", 6, [0.3], [[1]]) == [], "others' criteria are none of its own"
+    assert judged(b"res", 6, [0.4], []) == [[0.1], [0.2]]
+    monkeypatch.setattr("gaitchain.build.journal.code_digest", lambda: "other")
+    assert judged(b"res", 6, [0.5], []) == [[0.1], [0.2]]
+
+
+def test_it_is_said_what_goes_on_from_a_file_that_is_put_aside(tmp_path, monkeypatch):
+    with journal_of(tmp_path, 1) as journal:
+        journal.add([1])
+    assert "renamed back, the command that began it" in journal_of(tmp_path, 2).greeting
+    monkeypatch.setattr("gaitchain.build.journal.code_digest", lambda: "other")
+    assert "only the code that began it" in journal_of(tmp_path, 1).greeting
+
+
 @pytest.mark.parametrize("criteria", [5, None, "a", {"b": 1}])
 def test_criteria_that_are_none_are_not_remembered(tmp_path, criteria):
+    def journal_of(path, of):
+        return Journal(path / "work.jsonl", of, criterion=[0.1])
+
     with journal_of(tmp_path, 1) as journal:
         journal.add([1])
     header, piece = journal.path.read_bytes().splitlines()

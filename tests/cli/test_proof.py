@@ -19,6 +19,7 @@ import small_proof
 from gaitchain.build import push
 from gaitchain.build.journal import Journal
 from gaitchain.cli import run
+from gaitchain.cli.tried import tried
 from gaitchain.errors import LibraryError
 from gaitchain.figures.proof_report import write_report
 from gaitchain.gait.library_file import library_bytes, load_library
@@ -317,6 +318,34 @@ def test_a_criterion_that_is_chosen_after_a_verdict_is_no_fixed_one(
     other = ["res", *new, "--bound", "0.05", "-o", str(tmp_path / "R.gait")]
     assert interrupted_after(1, ["qualify", *other], monkeypatch) == 130
     assert "had been seen" not in capsys.readouterr().out
+
+
+def test_a_criterion_of_walks_of_another_length_is_remembered(
+    tmp_path, monkeypatch, capsys
+):
+    """Though the walks are others: who saw some chooses the next with that in mind."""
+    out = tmp_path / "P.gait"
+    words = ["qualify", "res", "--workers", "1", "-o", str(out)]
+    begun = [*words, "--bound", "0.04", "--seconds", "3"]
+    assert interrupted_after(1, begun, monkeypatch) == 130
+    assert "had been seen" not in capsys.readouterr().out
+    for seconds in ("4", "5"):
+        other = [*words, "--bound", "0.03", "--seconds", seconds]
+        assert interrupted_after(1, other, monkeypatch) == 130
+        said = capsys.readouterr().out
+        assert "starting anew" in said
+        assert "0.04 with 95 % confidence in walks of 3 s" in said
+    assert "0.03 with 95 % confidence in walks of 4 s" in said
+    monkeypatch.setattr("gaitchain.build.journal.code_digest", lambda: "other")
+    assert interrupted_after(1, begun, monkeypatch) == 130
+    assert "0.03 with 95 % confidence in walks of 5 s" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("kept", [["a", 1, 2], [0.1], 5, None, {}])
+def test_a_damaged_criterion_is_passed_over(kept, tmp_path):
+    with Journal(tmp_path / "P.jsonl", criterion=[0.1, 0.9, 3.0]) as journal:
+        journal.criteria = [kept, [0.2, 0.9, 3]]
+        assert tried(journal) == [EarlierCriterion(0.2, 0.9, 3.0)]
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ import hashlib
 import json
 from contextlib import AbstractContextManager, suppress
 from functools import cache
+from glob import escape
 from importlib.metadata import version
 from importlib.resources import files
 from itertools import count
@@ -25,17 +26,26 @@ class Journal:
     """Results of a run in a file beside its output; the first line identifies the run.
 
     An incomplete last line is dropped. Numbers are restored to the last bit. A file of
-    another run stays, under another name, if it has results. One that goes on beside
-    this one is not disturbed: its file is locked.
+    another run stays, under another name, if it has results; the criteria by which
+    the same was judged there are remembered. One that goes on beside this one is not
+    disturbed: its file is locked.
     """
 
-    def __init__(self, path: Path, *subject: object, criterion: Any = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        *subject: object,
+        criterion: Any = None,
+        about: bytes | None = None,
+    ) -> None:
         """Read an existing file, unless it is of another subject or other code.
 
         Args:
             path: the file.
             subject: everything that determines the results; its `repr` is compared.
             criterion: by which they are judged, in plain values; the file remembers it.
+            about: what is judged, by default the subject: the criteria of runs of
+                another subject or of other code that judged it, too, are remembered.
 
         Raises:
             JournalError: the file cannot be read, or another run writes to it.
@@ -45,8 +55,11 @@ class Journal:
         for part in subject:
             digest.update(part if isinstance(part, bytes) else f"{part!r}".encode())
         self.path, self._of, self._criterion = path, digest.hexdigest(), criterion
+        self._about = self._of
+        if about is not None:
+            self._about = hashlib.sha256(about).hexdigest()
         self.criteria: list[Any] = []
-        """By which earlier runs judged these results, but for that of this run."""
+        """By which earlier runs judged what they saw, but for that of this run."""
         self.found: list[Any] = []
         """Results of an earlier run, in the order in which they were added."""
         self.greeting = f"{path}: finished work is kept here until the end"
@@ -54,6 +67,8 @@ class Journal:
         self._aside: Path | None = None
         if path.exists():
             self._read()
+        if criterion is not None:
+            self.criteria = self._tried()
 
     def _read(self) -> None:
         with file_errors(self.path, "read", JournalError):
@@ -63,7 +78,8 @@ class Journal:
             self.greeting = f"{self.path}: of other work or code; starting anew"
             if len(lines) > 1:
                 self._aside = self._unused()
-                self.greeting += f", what it has is kept in {self._aside.name}"
+                self.greeting += f", what it has is kept in {self._aside.name}; "
+                self.greeting += _way_back(header)
             return
         self._ends.append(len(lines[0]))
         for line in lines[1:]:
@@ -72,10 +88,6 @@ class Journal:
                 break
             self.found.append(piece)
             self._ends.append(self._ends[-1] + len(line))
-        if self.found:
-            kept = header.get("criteria")
-            known = kept if isinstance(kept, list) else []  # else it is damaged
-            self.criteria = [one for one in known if one != self._criterion]
         self.greeting = f"{self.path}: going on after {len(self.found)} finished pieces"
 
     def _unused(self) -> Path:
@@ -83,6 +95,19 @@ class Journal:
         names = (f"{self.path.name}.old{number}" for number in count(1))
         paths = map(self.path.with_name, names)
         return next(path for path in paths if not path.exists())
+
+    def _tried(self) -> list[Any]:
+        """Return the other criteria by which this file's runs, and others, judged.
+
+        Files of before, under other names, may be put back; so they count, too.
+        """
+        others = self.path.parent.glob(f"{escape(self.path.name)}.old*")
+        tried: list[Any] = []
+        for path in (*sorted(others), self.path):
+            for one in _criteria(path, self._about):
+                if one not in (*tried, self._criterion):
+                    tried.append(one)
+        return tried
 
     def __enter__(self) -> "Journal":
         """Open the file; drop what cannot be used, but for results of another run.
@@ -107,8 +132,10 @@ class Journal:
 
     def _head(self) -> None:
         """Write the first line, which has the criterion of this run, too."""
-        own = [] if self._criterion is None else [self._criterion]
-        header = _line({"of": self._of, "criteria": self.criteria + own})
+        own = {"about": self._about, "criterion": self._criterion}
+        header = _line(
+            {"of": self._of, "code": code_digest(), "criteria": self.criteria} | own
+        )
         ends = self._ends or [0]
         rest = self.path.read_bytes()[ends[0] :] if self._ends else b""
         replace_file(self.path, header + rest)
@@ -177,6 +204,29 @@ def code_digest() -> str:
         if path.suffix in (".py", ".toml") and not set(parts) & set(_APART):
             digest.update(f"{parts}".encode() + path.read_bytes())
     return digest.hexdigest()
+
+
+def _way_back(header: Any) -> str:
+    """Say what would go on from a file of other work."""
+    code = header.get("code") if isinstance(header, dict) else None
+    if code == code_digest():
+        return "renamed back, the command that began it goes on from there"
+    return "only the code that began it would go on from there"
+
+
+def _criteria(path: Path, about: str) -> list[Any]:
+    """Return by what a file's runs judged something, if its results were seen."""
+    try:
+        with path.open("rb") as file:
+            header, first = _parsed(file.readline()), _parsed(file.readline())
+    except OSError:
+        return []
+    if not isinstance(header, dict) or header.get("about") != about:
+        return []
+    kept = header.get("criteria")
+    known = kept if isinstance(kept, list) else []  # else it is damaged
+    own = header.get("criterion")
+    return known if first is None or own is None else [*known, own]
 
 
 def _line(value: object) -> bytes:

@@ -298,7 +298,9 @@ class Qualify:
     map: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Picture of the pass rates, a row for each world."""
     bound: Annotated[float | None, Limits(1e-9, 0.1)] = None
-    """Falls per step, such as 1e-4, that are to be shown to be fewer."""
+    """Falls per step, such as 1e-4, that are to be shown to be fewer. Choose it before
+    the first walk: bounds tried before are told if they are in the library, in that of
+    -o, or in the interrupted run beside it; those of another -o are not known."""
     confidence: Annotated[float, Limits(0.5, 0.999999)] = 0.95
     """Of that verdict."""
     seconds: Annotated[float, Limits(2.0, 3600.0)] = 60.0

@@ -10,6 +10,7 @@ from gaitchain.build.journal import Journal
 from gaitchain.cli.cluster import journaled_crew
 from gaitchain.cli.console import make_folder, print_table, say
 from gaitchain.cli.options import Qualify
+from gaitchain.cli.tried import as_kept, tried
 from gaitchain.errors import LibraryError
 from gaitchain.figures.proof_report import write_report
 from gaitchain.gait.library import GaitLibrary
@@ -73,16 +74,16 @@ def _begun(plain: GaitLibrary, criterion: Criterion, out: Path) -> Journal:
 
     Walks depend on their length alone, so that another bound goes on from those that
     were drawn before the first chosen ones (`fall_rate`), whose turn depends on it; the
-    journal remembers which were tried.
+    journal remembers which were tried, also in walks of another length and by other
+    code.
 
     Raises:
         CommandError: the walks would be too short.
     """
     check_length(plain, criterion)
     path = out.with_name(f"{out.name}.proof.jsonl")
-    tried = [criterion.bound, criterion.confidence]
-    of = library_bytes(plain), criterion.seconds
-    journal = Journal(path, *of, criterion=tried)
+    own, by = library_bytes(plain), as_kept(_as_tried(criterion))
+    journal = Journal(path, own, criterion.seconds, criterion=by, about=own)
     say(journal.greeting)
     usual = usual_steps(plain, criterion)
     need = steps_needed(criterion.bound, criterion.confidence, usual)
@@ -98,12 +99,15 @@ def _seen(
     Those of the journal, and of proofs in the library and in the file that is replaced:
     the same library gives the same walks, so that whoever saw them knows what comes.
     """
-    seconds = criterion.seconds
-    known = [EarlierCriterion(b, c, seconds) for b, c in journal.criteria]
+    known = tried(journal)
     for proof in _proofs(library, out):
         known += [*proof.before, proof.criterion]
-    own = EarlierCriterion(criterion.bound, criterion.confidence, seconds)
+    own = _as_tried(criterion)
     return tuple(each for each in dict.fromkeys(known) if each != own)
+
+
+def _as_tried(criterion: Criterion) -> EarlierCriterion:
+    return EarlierCriterion(criterion.bound, criterion.confidence, criterion.seconds)
 
 
 def _proofs(library: GaitLibrary, out: Path) -> Iterator[ProofReport]:
