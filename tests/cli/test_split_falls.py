@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from gaitchain.build.journal import Journal
 from gaitchain.cli import run, splitting
 from gaitchain.proof.split_walks import SplitSize
 from gaitchain.proof.splitting import Chance
@@ -49,3 +50,29 @@ def test_what_brute_force_does_not_agree_with_does_not_pass(
     code, _ = asked(tmp_path, "--bound", "0.01", "--splitting", "1.5")
     assert code == int(not agrees)
     assert ("do not agree" in capsys.readouterr().out) == (not agrees)
+
+
+def test_another_bound_goes_on_and_says_by_what_the_walks_were_judged(
+    tmp_path, monkeypatch, capsys
+):
+    """So does another confidence, on which no walk depends."""
+    keep = Journal.add
+
+    def stop(self, finished):
+        keep(self, finished)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(splitting, "SplitSize", lambda: SMALL)
+    with monkeypatch.context() as patch:
+        patch.setattr(Journal, "add", stop)
+        words = ["--bound", "0.001", "--splitting", "1.5", "--workers", "1"]
+        words += ["-o", str(tmp_path / "S.gait")]
+        assert run(["qualify", "res", *words]) == 130
+    capsys.readouterr()
+    other = "--bound", "0.01", "--splitting", "1.5", "--confidence", "0.9"
+    _, facts = asked(tmp_path, *other)
+    said = capsys.readouterr().out
+    assert "going on after 1 finished pieces" in said
+    assert "0.001 with 95 % confidence in walks of 10 s" in said
+    assert facts["before"] == [{"bound": 0.001, "confidence": 0.95, "seconds": 10.0}]
+    assert facts["confidence"] == 0.9

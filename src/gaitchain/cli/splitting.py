@@ -8,9 +8,18 @@ from gaitchain.build.journal import Journal
 from gaitchain.cli.cluster import journaled_crew
 from gaitchain.cli.console import print_table, say
 from gaitchain.cli.options import Qualify
+from gaitchain.cli.tried import as_kept, tried
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
-from gaitchain.proof.split_walks import Disturbed, SplitReport, SplitSize, split_falls
+from gaitchain.gait.qualification import EarlierCriterion
+from gaitchain.proof.fall_rate import describe_before
+from gaitchain.proof.split_walks import (
+    SLICE_S,
+    Disturbed,
+    SplitReport,
+    SplitSize,
+    split_falls,
+)
 from gaitchain.proof.splitting import Chance
 from gaitchain.walker.walker import Walker
 
@@ -33,18 +42,33 @@ def estimate_falls(
     Walker(library)  # refuses what is not qualified, before any work
     plain = library.proven(None)
     disturbed, size = Disturbed(plain, options.splitting), SplitSize()
-    subject = options.splitting, disturbed.slices, size, options.confidence
-    journal = Journal(
-        out.with_name(f"{out.name}.splitting.jsonl"), library_bytes(plain), subject
-    )
-    say(journal.greeting)
+    seconds = disturbed.slices * SLICE_S
+    own = EarlierCriterion(options.bound, options.confidence, seconds)
+    journal = _begun(disturbed, size, own, out)
+    before = tried(journal)
+    if before:
+        say(describe_before(before))
     with journaled_crew(options, journal) as crew:
         report = split_falls(disturbed, size, options.confidence, crew)
     journal.remove()
     _show(options, library, report)
     facts = {"robot": library.robot.name, "bound": options.bound} | asdict(report)
+    facts["before"] = [asdict(each) for each in before]
     # Not `high >= bound`, which NaN would pass.
     return int(not (report.agrees and report.per_step.high < options.bound)), facts
+
+
+def _begun(
+    disturbed: Disturbed, size: SplitSize, criterion: EarlierCriterion, out: Path
+) -> Journal:
+    """Open the journal; no walk depends on bound and confidence, which it remembers."""
+    path = out.with_name(f"{out.name}.splitting.jsonl")
+    own = library_bytes(disturbed.library)
+    subject = disturbed.hardest, disturbed.slices, size
+    about = own + f"{subject!r}".encode()
+    journal = Journal(path, own, subject, criterion=as_kept(criterion), about=about)
+    say(journal.greeting)
+    return journal
 
 
 def _show(options: Qualify, library: GaitLibrary, report: SplitReport) -> None:
