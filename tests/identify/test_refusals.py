@@ -10,6 +10,7 @@ from gaitchain.cli import run
 from gaitchain.errors import LogError
 from gaitchain.identify import motion_fit
 from gaitchain.identify.fit import fit_logs
+from gaitchain.identify.gyro_check import turns
 from gaitchain.identify.log import ExerciseLog, MotionLog, save_log
 from gaitchain.identify.motion_fit import MotionFit
 from gaitchain.identify.parameters import OF_IMU, OF_STAND, Parameters
@@ -19,7 +20,7 @@ from gaitchain.identify.refusals import (
     check_units,
     encoder_noise,
 )
-from gaitchain.identify.simulated import replay
+from gaitchain.identify.simulated import exercise_hidden, replay
 from gaitchain.live.exercise import Motion, exercise
 from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.robot.identified import Identified
@@ -136,6 +137,37 @@ def test_an_imu_without_gravity_is_refused(scale, said, good):
         fit_logs(RES, [log_with(part)], 1, quiet)
     none = np.full_like(felt, np.nan)
     check_units(RES.legs, [MotionLog(HELD, replace(good.measured, acceleration=none))])
+
+
+@pytest.fixture(scope="module", params=[1, 10])
+def stood(request):
+    """The motion on the ground of a hidden robot."""
+    return exercise_hidden(RES, request.param).parts[1]
+
+
+def turning(part, scale):
+    """The same motion, by a gyro of another scale."""
+    rate = part.measured.angular_velocity * scale
+    return replace(part, measured=replace(part.measured, angular_velocity=rate))
+
+
+def test_a_gyro_in_degrees_is_refused(stood):
+    check_units(RES.legs, [stood])
+    said = r"gyro turns by \d+ deg to and fro .*'standing'.*, gravity by \d\.\d deg"
+    with pytest.raises(LogError, match=said + ".*rad/s, not in deg/s"):
+        check_units(RES.legs, [turning(stood, 180.0 / np.pi)])
+
+
+def test_a_fair_gyro_drifts_misses_rows_and_may_not_be_there(stood):
+    rate = stood.measured.angular_velocity + np.radians(3.0)
+    rate[::3] = np.nan
+    rate[1000:1100] = np.nan
+    drifts = replace(stood.measured, angular_velocity=rate)
+    assert turns(drifts).possible
+    assert turns(drifts).gyro_deg == pytest.approx(
+        turns(stood.measured).gyro_deg, rel=0.2
+    )
+    assert turns(replace(drifts, angular_velocity=np.full_like(rate, np.nan))) is None
 
 
 def test_a_log_in_which_nothing_moves_is_refused(good):

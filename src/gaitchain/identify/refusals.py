@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gaitchain.errors import LogError
+from gaitchain.identify.gyro_check import BEYOND_DEG, TIMES, turns
 from gaitchain.identify.log import MotionLog
 from gaitchain.identify.parameters import USUAL_PLAY_RAD
 from gaitchain.messages import GRAVITY, Array
@@ -53,7 +54,7 @@ def check_names(robot: Robot, found: Sequence[str]) -> None:
 
 
 def check_units(legs: LegModel, parts: Sequence[MotionLog]) -> None:
-    """Make sure that angles are in rad, and that accelerometers show gravity.
+    """Make sure that angles and rates are in rad, and accelerometers show gravity.
 
     Args:
         legs: of the robot.
@@ -66,6 +67,7 @@ def check_units(legs: LegModel, parts: Sequence[MotionLog]) -> None:
         _check_angles(legs, part, "asked for", part.motion.targets)
         _check_angles(legs, part, "shown", part.measured.joint_position)
         _check_gravity(part)
+        _check_gyro(part)
 
 
 def check_content(joint_names: Sequence[str], parts: Sequence[MotionLog]) -> None:
@@ -151,6 +153,18 @@ def _check_gravity(part: MotionLog) -> None:
             f"the accelerometer shows {middle:.3g} m/s^2 in the motion {_of(part)!r}, "
             f"gravity is {GRAVITY:g}, and {low:.3g} to {high:.3g} can be; give its "
             "values in m/s^2, and NaN for an IMU that there is not"
+        )
+
+
+def _check_gyro(part: MotionLog) -> None:
+    turned = turns(part.measured)
+    if turned is not None and not turned.possible:
+        raise LogError(
+            f"the gyro turns by {turned.gyro_deg:.3g} deg to and fro in the motion "
+            f"{_of(part)!r} (RMS about level axes), gravity by "
+            f"{turned.gravity_deg:.2g} deg in the accelerometer, and at most "
+            f"{TIMES:g} times that and {BEYOND_DEG:g} deg more can be; give its values "
+            "in rad/s, not in deg/s"
         )
 
 
