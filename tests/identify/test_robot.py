@@ -449,5 +449,9 @@ def test_a_build_is_for_the_robot_as_it_was_found(tmp_path):
 
 def test_a_build_needs_what_was_identified(tmp_path, capsys):
     words = ["build", "res", "-o", str(tmp_path / "a.gait"), "--identified"]
-    assert run([*words, "src/gaitchain/data/res.gait"]) == 2
-    assert "give a library that `gaitchain identify` wrote" in capsys.readouterr().err
+    for library in ("src/gaitchain/data/res.gait", "res"):
+        assert run([*words, library]) == 2
+        said = capsys.readouterr().err
+        assert "give a library that `gaitchain identify` wrote" in said
+    assert run([*words, "nobody"]) == 2
+    assert "nobody: no such file; give a library" in capsys.readouterr().err

@@ -21,6 +21,7 @@ from gaitchain.cli.console import (
     resumable,
     say,
 )
+from gaitchain.cli.libraries import find_library
 from gaitchain.cli.options import Build
 from gaitchain.discover.loaded_robot import load_robot, robot_file
 from gaitchain.errors import (
@@ -45,13 +46,14 @@ def run(options: Build) -> tuple[int, dict[str, Any]]:
         name: getattr(options, name) for name in _CONFIGURED & vars(options).keys()
     }
     given["profile"] = None if options.profile is None else str(options.profile)
-    given["preset"] = options.preset or _preset_of(options.identified)
+    identified = options.identified and find_library(str(options.identified))
+    given["preset"] = options.preset or _preset_of(identified)
     config = BuildConfig(**given, speed_limit_deg_s=options.speed_limit)
     check_address(options)
     workers = options.workers or available_cores()
     with on_backend(options, workers):
-        robot = identified_robot(config, options.identified)
-        read = robot_file(config.robot), options.profile, options.identified
+        robot = identified_robot(config, identified)
+        read = robot_file(config.robot), options.profile, identified
         check_files([options.output], read)
         library, report, elapsed_s = _build(config, options.output, workers, robot)
     if not library.qualified:
