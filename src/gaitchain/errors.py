@@ -74,6 +74,16 @@ class BackendError(GaitchainError):
     """A robot cannot be reached, or is not what it is said to be."""
 
 
+class ServosStoppedError(BackendError):
+    """Servos have stopped by themselves, and take no targets until engaged again."""
+
+    def __init__(self, why: str) -> None:
+        """Say why; who moves them knows how they are engaged again."""
+        super().__init__(f"{why}; engage again")
+        self.why = why
+        """Without what to do."""
+
+
 class CalibrationError(GaitchainError):
     """A calibration file is missing, unreadable, or holds a value that cannot be."""
 

@@ -13,7 +13,7 @@ from gaitchain.backends.dynamixel import DynamixelBackend
 from gaitchain.backends.dynamixel.calibration import LOW_PWM, MOST_PWM
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.cli import run
-from gaitchain.errors import BackendError
+from gaitchain.errors import BackendError, ServosStoppedError
 from gaitchain.identify.log import load_log
 from gaitchain.identify.on_servos import exercise_servos
 from gaitchain.live import exercise as motions
@@ -188,6 +188,20 @@ def unfelt(times, seen):
 def test_what_fails_ends_it_with_the_torque_off(spoilt, words):
     backend = Watched(spoilt)
     with pytest.raises(BackendError, match=words):
+        exercised(backend)
+    assert not backend.on
+
+
+def test_servos_that_stopped_by_themselves_are_exercised_by_the_same_command():
+    """Nobody can engage them again within it."""
+
+    class Stopped(Watched):
+        def write(self, position):
+            raise ServosStoppedError("/dev/bus: the servos have stopped")
+
+    backend = Stopped()
+    said = "the exercise ended: /dev/bus: the servos have stopped; begin again with the"
+    with pytest.raises(BackendError, match=said + " same command$"):
         exercised(backend)
     assert not backend.on
 

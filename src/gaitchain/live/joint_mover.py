@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from gaitchain.backends.base import Backend
-from gaitchain.errors import BackendError
+from gaitchain.errors import BackendError, ServosStoppedError
 from gaitchain.live.clock import Clock, Pacer
 from gaitchain.live.joint_motion import SLOW, JointLimiter, SmoothMove
 from gaitchain.messages import GRAVITY, Array, JointTargets, Sensors
@@ -146,7 +146,12 @@ class JointMover:
     def _write(self, target: Array) -> None:
         if self.mounting is not None:
             target = self.mounting.asked(JointTargets(self._names, target)).position
-        self._backend.write(target)
+        try:
+            self._backend.write(target)
+        except ServosStoppedError as error:  # nobody here can engage them again
+            raise BackendError(
+                f"{self._what} ended: {error.why}; begin again with the same command"
+            ) from None
 
     def _where(self) -> Array:
         """Return where all joints are."""

@@ -31,7 +31,7 @@ from gaitchain.backends.dynamixel.servos import (
 )
 from gaitchain.backends.dynamixel.watch import ServoWatch
 from gaitchain.backends.dynamixel.wire import Answer
-from gaitchain.errors import BackendError
+from gaitchain.errors import BackendError, ServosStoppedError
 from gaitchain.messages import GRAVITY, Array, Sensors
 
 _log = logging.getLogger(__name__)
@@ -203,7 +203,7 @@ class DynamixelBackend:
             raise BackendError(f"{bad}: a target that is no number; none was sent")
         self._check_watchdog(time.monotonic() - self._bus.spoke_s)
         if self._watch.tripped:
-            raise BackendError(f"{self._port}: {self._why_refused()}; engage again")
+            raise ServosStoppedError(f"{self._port}: {self._why_refused()}")
         self._bus.write_all(
             self._make.goal,
             goal_bytes(self._make, self._ids, self._angles.goals(position)),
