@@ -1,8 +1,10 @@
 """Work in pieces: what is finished is kept, and an interrupted build goes on."""
 
+import gc
 import json
 import math
 import os
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -186,6 +188,21 @@ def test_two_runs_at_once_do_not_share_a_journal(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["work.jsonl"]
     with journal_of(tmp_path, 1) as second:
         assert second.found == [[1]]
+
+
+def test_who_is_refused_before_work_begins_leaves_no_lock(tmp_path):
+    def refused():
+        journal = journal_of(tmp_path, 1)
+        assert [path.name for path in tmp_path.iterdir()] == ["work.jsonl.lock"]
+        raise CommandError(f"{journal.path}: no such cluster")
+
+    with suppress(CommandError):
+        refused()
+    gc.collect()
+    assert not list(tmp_path.iterdir())
+    with journal_of(tmp_path, 1) as journal:
+        journal.add([1])
+    assert [path.name for path in tmp_path.iterdir()] == ["work.jsonl"]
 
 
 def test_a_journal_that_cannot_be_written_is_named(tmp_path):

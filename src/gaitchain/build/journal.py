@@ -10,6 +10,7 @@ from importlib.resources import files
 from itertools import count
 from pathlib import Path
 from typing import Any
+from weakref import finalize
 
 from filelock import FileLock, Timeout
 
@@ -50,7 +51,8 @@ class Journal:
         Raises:
             JournalError: the file cannot be read, or another run writes to it.
         """
-        self._lock = _locked(path)
+        # Whoever is refused before the file is begun leaves no lock, either.
+        self._unlock = finalize(self, _unlock, _locked(path))
         digest = hashlib.sha256(code_digest().encode())
         for part in subject:
             digest.update(part if isinstance(part, bytes) else f"{part!r}".encode())
@@ -149,11 +151,6 @@ class Journal:
         finally:
             self._unlock()
 
-    def _unlock(self) -> None:
-        with suppress(OSError):  # Windows keeps a file that is open
-            Path(self._lock.lock_file).unlink()
-        self._lock.release()
-
     def keep(self, pieces: int) -> None:
         """Drop all results but the first `pieces`, and continue after them."""
         del self.found[pieces:]
@@ -192,6 +189,13 @@ def _locked(path: Path) -> FileLock:
                 "-o"
             ) from None
     return lock
+
+
+def _unlock(lock: FileLock) -> None:
+    """Remove a lock's file, and only then release it: nobody else has it by then."""
+    with suppress(OSError):  # Windows keeps a file that is open
+        Path(lock.lock_file).unlink()
+    lock.release()
 
 
 @cache
