@@ -39,8 +39,10 @@ end of the range; mass, inertia and CoM of every link off by up to 10 %; frictio
 1; estimator on. A push is the impulse over m sqrt(g h) that half of 20 walks hold at
 0.6 of the speed, from the worst of eight directions, and the mean of all. A build's
 time is that of the processor, beside other work: two quiet cores take half of it.
-Files end in .xml (MuJoCo Menagerie) or .urdf (example-robot-data, of each robot the
-file that has most of it). [Results](results.md) have more.
+Pictures are named as robots of the MuJoCo Menagerie are, or as the URDFs of
+example-robot-data, of each robot there the one that has most of it. Talos of the
+Menagerie is its talos.xml, which has motors; its name stands for talos_position.xml.
+[Results](results.md) have more.
 
 Not here: apptronik_apollo, fourier_n1, pndbotics_adam_lite, toddlerbot_2xc and
 toddlerbot_2xm of the Menagerie were not at hand. `gaitchain build NAME -o NAME.gait`
@@ -228,7 +230,8 @@ def main() -> None:
         try:
             rows.append(row(robot, options.out, options.page.parent / PICTURES))
         except GaitchainError as error:
-            rows.append(f"| | {robot.name} | | | {error} | | | | | |")
+            why = str(error).partition(";")[0].removeprefix(f"{source}: ")
+            rows.append(f"| | {robot.name} | no library: {why} | | | | | | | |")
         lines = [f"| {' | '.join(COLUMNS)} |", "|" + len(COLUMNS) * "---|", *rows]
         text = HEAD.format(begins=begins()) + "\n".join(lines) + "\n"
         options.page.write_text(text, encoding="utf-8")

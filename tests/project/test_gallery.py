@@ -61,7 +61,7 @@ def test_a_row_has_picture_servos_speeds_and_pushes(toy_path, toy_library, tmp_p
     assert cells[4:7] == ["0.31 (19 of 20)", "-", "-"]
     assert cells[7:9] == ["0.250 / 0.300", "240"]
     assert cells[9] == "speeds to 30 rad/s"
-    assert "gone.xml: no such file" in second
+    assert "| gone | no library: no such file |" in second
 
 
 def test_a_mesh_that_the_picture_lacks_is_told(tmp_path, monkeypatch):
