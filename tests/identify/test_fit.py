@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from other_robots import with_legs
 from servo_bench import RES
 from small_build import few_steady_walks
 
@@ -137,6 +138,25 @@ def test_a_robot_that_stands_tells_how_late_its_imu_is():
     found, covariance = motion.improve(start, belief, Round(1.0), rng)
     assert parameters.read(found)[0].imu_delay_s == pytest.approx(0.02, abs=0.003)
     assert np.sqrt(covariance[own, own]) < 0.3
+
+
+def test_the_damping_of_servos_that_have_none_stays_unknown(monkeypatch):
+    """As OP3's, whose file gives all of it to the joints."""
+    robot = with_legs(RES, replace(RES.legs, joint_damping=RES.legs.damping))
+    names, count = robot.legs.joint_names, len(robot.legs.joint_names)
+    seen = Motion("held", exercise(robot)[0].targets[100:300])
+    softer = replace(Identified.of_file(count), gain=np.full(count, 0.8))
+    part = MotionLog(seen, replay(robot.as_identified(softer), seen, LEAN, World()))
+    log = ExerciseLog(robot.name, robot.fingerprint, names, CONTROL_PERIOD_S, (part,))
+    monkeypatch.setitem(motion_fit.SEARCHES, "held", 2)
+    monkeypatch.setattr(motion_fit, "REPLAYS", 40)
+    monkeypatch.setattr(motion_fit, "EXPLAINED", np.inf)
+    monkeypatch.setattr(motion_fit, "NEAR", (Round(0.1, 0.4),))
+    found = fit_logs(robot, [log], 1, quiet)
+    np.testing.assert_array_equal(found.identified.damping, np.ones(count))
+    damping = [n for n in found.numbers if n.parameter.name == "damping"]
+    assert not any(number.told for number in damping)
+    assert any(n.told for n in found.numbers if n.parameter.name == "gain")
 
 
 def test_numbers_explain_a_log_that_leave_noise_alone(swung):

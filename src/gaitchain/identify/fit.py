@@ -47,6 +47,7 @@ from gaitchain.identify.refusals import (
 )
 from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.robot.identified import UNSURE, Identified
+from gaitchain.robot.leg_model import LegModel
 from gaitchain.robot.robot import Robot
 
 _TOLD = 0.6  # of the believed deviation: what a number's may be that the log tells
@@ -108,12 +109,18 @@ def fit_logs(
     """
     parts = checked_parts(robot, logs)
     robot = robot.nominal
-    parameters = Parameters(robot.legs.joint_names)
+    parameters = Parameters(robot.legs.joint_names, _idle(robot.legs))
     motions = [MotionFit(robot, part, parameters, workers) for part in parts]
     belief, leans = _fit_motions(motions, parameters, progress)
     belief = _as_seen(parameters, belief, parts)
     missed = _missed_of(robot, motions, leans, parameters.read(belief.mean)[0])
     return _accepted(_fit_of(parameters, belief, missed), parts)
+
+
+def _idle(legs: LegModel) -> list[tuple[str, int]]:
+    """Return the numbers that do nothing: the damping of servos that have none."""
+    servos = legs.damping - legs.joint_damping
+    return [("damping", joint) for joint in np.flatnonzero(servos <= 0.0).tolist()]
 
 
 def _fit_motions(

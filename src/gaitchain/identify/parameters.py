@@ -86,11 +86,15 @@ class Parameter:
 class Parameters:
     """All numbers of a fit, in one vector of deviations from what was believed."""
 
-    def __init__(self, joint_names: Sequence[str]) -> None:
+    def __init__(
+        self, joint_names: Sequence[str], idle: Sequence[tuple[str, int]] = ()
+    ) -> None:
         """List them.
 
         Args:
             joint_names: (2 n,) leg joints.
+            idle: names and joints of numbers that do nothing in this robot, and stay as
+                they are believed.
         """
         arrays = {name: list(joint_names) for name in _OF_JOINT}
         arrays |= {name: list(_AXES) for name in _OF_AXIS}
@@ -108,6 +112,8 @@ class Parameters:
         self.least = (least - self._mean) / self._sd
         """Bounds of the vector."""
         self.most = (most - self._mean) / self._sd
+        still = [(p.name, p.index) in idle for p in self.all]
+        self.least[still] = self.most[still] = 0.0
         self.rough = np.array([p.belief.rough for p in self.all])
         """Times the deviations of a fit, of each number."""
 
