@@ -22,6 +22,7 @@ from gaitchain.walker import (
     stride_gait,
     stride_generator,
 )
+from gaitchain.walker.motor_targets import NO_LOAD
 from gaitchain.walker.mounting import turned
 from gaitchain.walker.stride_generator import StrideTables
 
@@ -161,6 +162,7 @@ def _tables_of_robot(library: GaitLibrary, stand: Array) -> Iterator[str]:
     yield table("STAND_ANGLES", stand)
     yield table("PASSIVE_DAMPING", legs.joint_damping)
     yield table("TORQUE_LIMIT", legs.torque_limit)
+    yield table("TORQUE_LOSS", 1.0 / (NO_LOAD * legs.speed_limit))  # 0 without limit
     if found is not None:
         yield table("MOUNTED_OFFSET", found.offset)
         yield table("MOUNTED_TURN", turned(found.tilt))

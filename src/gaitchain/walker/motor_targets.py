@@ -12,7 +12,7 @@ from gaitchain.balance.feedforward import Effort
 from gaitchain.messages import Array, MotorTargets
 from gaitchain.robot.leg_model import LegModel
 
-_NO_LOAD = 1.5
+NO_LOAD = 1.5
 """No-load speed over the speed limit: of the slowest servos that training has."""
 
 
@@ -26,7 +26,7 @@ class MotorForm:
             legs.damping - legs.joint_damping,
             legs.torque_limit,
         )
-        self._no_load = _NO_LOAD * legs.speed_limit
+        self._no_load = NO_LOAD * legs.speed_limit
         self._none = np.zeros(len(legs.joint_names))
 
     def made(self, position: Array, effort: Effort | None) -> MotorTargets:

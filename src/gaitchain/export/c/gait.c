@@ -802,7 +802,10 @@ static void drive_motors(const gait_walker *w, bool held, gait_targets *targets)
         const double ahead = (torque + gait_damping[j] * velocity) / gait_stiffness[j];
         targets->reference[j] = targets->position[j] - ahead;
         targets->velocity[j] = velocity;
-        targets->torque[j] = curves_clip(torque, -TORQUE_LIMIT[j], TORQUE_LIMIT[j]);
+        const double with_load = torque * velocity > 0.0 ? fabs(velocity) : 0.0;
+        const double left = greater(1.0 - with_load * TORQUE_LOSS[j], 0.0);
+        targets->torque[j] =
+            curves_clip(torque, -left * TORQUE_LIMIT[j], left * TORQUE_LIMIT[j]);
     }
 }
 
