@@ -109,18 +109,13 @@ def fit_logs(
     """
     parts = checked_parts(robot, logs)
     robot = robot.nominal
-    parameters = Parameters(robot.legs.joint_names, _idle(robot.legs))
+    parameters = Parameters(robot.legs.joint_names)
     motions = [MotionFit(robot, part, parameters, workers) for part in parts]
     belief, leans = _fit_motions(motions, parameters, progress)
-    belief = _as_seen(parameters, belief, parts)
+    unseen = [*_unfelt(parameters, parts), *_idle(parameters, robot.legs)]
+    belief = Belief(*parameters.anew(unseen, *belief))
     missed = _missed_of(robot, motions, leans, parameters.read(belief.mean)[0])
     return _accepted(_fit_of(parameters, belief, missed), parts)
-
-
-def _idle(legs: LegModel) -> list[tuple[str, int]]:
-    """Return the numbers that do nothing: the damping of servos that have none."""
-    servos = legs.damping - legs.joint_damping
-    return [("damping", joint) for joint in np.flatnonzero(servos <= 0.0).tolist()]
 
 
 def _fit_motions(
@@ -133,7 +128,7 @@ def _fit_motions(
     for number, motion in enumerate(motions):
         if number and motion.support == "held":
             # The trunk is held once more.
-            belief = Belief(*parameters.anew(["lean"], *belief))
+            belief = Belief(*parameters.anew(parameters.places("lean"), *belief))
         rng = np.random.default_rng((_BANK, number))
         begin = _counted(progress, ends[number], ends[-1])
         work = partial(motion.fit, belief, rng, begin)
@@ -163,10 +158,8 @@ def checked_parts(robot: Robot, logs: Sequence[ExerciseLog]) -> list[MotionLog]:
     return parts
 
 
-def _as_seen(
-    parameters: Parameters, belief: Belief, parts: Sequence[MotionLog]
-) -> Belief:
-    """Return numbers that nothing in the logs shows as they were believed before.
+def _unfelt(parameters: Parameters, parts: Sequence[MotionLog]) -> list[int]:
+    """Return the places of numbers that nothing in the logs shows.
 
     Nothing speaks against whatever was drawn of them in the best replay of the rest.
     """
@@ -176,7 +169,13 @@ def _as_seen(
         unseen += OF_IMU
     if all(part.motion.support == "held" for part in parts):
         unseen += OF_STAND
-    return Belief(*parameters.anew(unseen, *belief))
+    return [place for name in unseen for place in parameters.places(name)]
+
+
+def _idle(parameters: Parameters, legs: LegModel) -> list[int]:
+    """Return the places of numbers that do nothing: damping of servos without any."""
+    servos, places = legs.damping - legs.joint_damping, parameters.places("damping")
+    return [places[joint] for joint in np.flatnonzero(servos <= 0.0).tolist()]
 
 
 def _accepted(fit: Fit, parts: Sequence[MotionLog]) -> Fit:

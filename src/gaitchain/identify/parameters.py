@@ -86,15 +86,11 @@ class Parameter:
 class Parameters:
     """All numbers of a fit, in one vector of deviations from what was believed."""
 
-    def __init__(
-        self, joint_names: Sequence[str], idle: Sequence[tuple[str, int]] = ()
-    ) -> None:
+    def __init__(self, joint_names: Sequence[str]) -> None:
         """List them.
 
         Args:
             joint_names: (2 n,) leg joints.
-            idle: names and joints of numbers that do nothing in this robot, and stay as
-                they are believed.
         """
         arrays = {name: list(joint_names) for name in _OF_JOINT}
         arrays |= {name: list(_AXES) for name in _OF_AXIS}
@@ -112,8 +108,6 @@ class Parameters:
         self.least = (least - self._mean) / self._sd
         """Bounds of the vector."""
         self.most = (most - self._mean) / self._sd
-        still = [(p.name, p.index) in idle for p in self.all]
-        self.least[still] = self.most[still] = 0.0
         self.rough = np.array([p.belief.rough for p in self.all])
         """Times the deviations of a fit, of each number."""
 
@@ -163,17 +157,17 @@ class Parameters:
         return np.sqrt(1.0 - own**2) * common, own * single
 
     def anew(
-        self, names: Sequence[str], mean: Array, covariance: Array
+        self, places: Sequence[int], mean: Array, covariance: Array
     ) -> tuple[Array, Array]:
         """Return mean and covariance with some numbers as believed before any log.
 
         Args:
-            names: of numbers that are like no others.
+            places: of the numbers in the vector; of those that joints are believed to
+                have alike, too, nothing is kept of what others tell.
             mean: (P,) of the vector.
             covariance: (P, P).
         """
-        own = [i for name in names for i in self.places(name)]
-        mean, covariance = mean.copy(), covariance.copy()
+        own, mean, covariance = list(places), mean.copy(), covariance.copy()
         mean[own] = covariance[own] = covariance[:, own] = 0.0
         covariance[own, own] = 1.0
         return mean, covariance
