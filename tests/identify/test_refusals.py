@@ -8,7 +8,7 @@ from servo_bench import RES
 
 from gaitchain.cli import run
 from gaitchain.errors import LogError
-from gaitchain.identify import motion_fit
+from gaitchain.identify import fit, motion_fit
 from gaitchain.identify.fit import fit_logs
 from gaitchain.identify.gyro_check import turns
 from gaitchain.identify.log import ExerciseLog, MotionLog, save_log
@@ -211,6 +211,7 @@ def test_a_fit_that_explains_nothing_is_refused(good, monkeypatch):
     """Of a log that no robot makes, or where nothing is fitted: no numbers are told."""
     monkeypatch.setitem(motion_fit.SEARCHES, "held", 0)
     monkeypatch.setitem(motion_fit.ROUNDS, "held", ())
+    monkeypatch.setattr(MotionFit, "certainty", lambda own, found, b, rng: b.covariance)
     with pytest.raises(LogError, match="the log tells no number of any joint"):
         fit_logs(RES, [log_with(good)], 1, quiet)
     bent = good.measured.joint_position + np.radians(20.0) * (np.arange(12) == 3)
@@ -230,23 +231,33 @@ def test_a_fit_is_good_that_leaves_noise_or_much_less_than_before():
         check_explained(40.0 * noise, 38.0 * noise, noise, told=True)
 
 
+def standing():
+    motion = Motion("standing", exercise(RES)[1].targets[:500])
+    return MotionLog(motion, replay(RES.as_identified(PLAIN), motion, np.zeros(2)))
+
+
 @pytest.mark.parametrize("imu", [True, False])
-def test_what_nothing_shows_stays_as_in_the_file(imu, good, monkeypatch):
+@pytest.mark.parametrize("stands", [True, False])
+def test_what_nothing_shows_stays_as_in_the_file(imu, stands, good, monkeypatch):
     """It was what happened to be drawn: without an IMU a tilt of 0.9 deg."""
     parameters = Parameters(NAMES)
     drawn, known = np.zeros(len(parameters.all)), 1e-4 * np.eye(len(parameters.all))
     for name in (*OF_IMU, *OF_STAND):
         drawn[parameters.places(name)] = 0.5
     monkeypatch.setattr(MotionFit, "fit", lambda *given: (drawn, known))
+    monkeypatch.setattr(fit, "check_explained", lambda *given, told: None)
+    part = standing() if stands else good
     none = np.full((500, 3), np.nan)
-    blind = replace(good.measured, angular_velocity=none, acceleration=none)
-    part = good if imu else replace(good, measured=blind)
+    blind = replace(part.measured, angular_velocity=none, acceleration=none)
+    part = part if imu else replace(part, measured=blind)
     found = fit_logs(RES, [log_with(part)], 1, quiet)
     one = found.identified
-    np.testing.assert_allclose(one.tilt, 0.013 * imu)
-    assert one.imu_delay_s == pytest.approx(0.005 * imu)
-    assert not one.com.any(), "the trunk was held"
-    assert one.trunk_mass == 1.0
     told = {n.parameter.name: n.told for n in found.numbers}
-    assert [told[name] for name in (*OF_IMU, *OF_STAND)] == [imu, imu, False, False]
+    np.testing.assert_allclose(one.tilt, 0.013 * (imu and stands))
+    assert told["tilt"] == (imu and stands), "hung legs tell no zeros"
+    assert one.imu_delay_s == pytest.approx(0.005 * imu)
+    assert told["imu_delay_s"] == imu
+    np.testing.assert_allclose(one.com, 0.0075 * stands)
+    assert one.trunk_mass == pytest.approx(1.0 + 0.05 * stands)
+    assert [told[name] for name in OF_STAND] == [stands, stands]
     assert told["delay_s"]

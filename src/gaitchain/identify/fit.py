@@ -14,8 +14,9 @@ to round. The covariance of p is then, by Laplace's approximation,
 
     C = (J^T J + B^-1)^-1,   J = d f / d p / s                                     (2)
 
-The motions of a log are taken in turn: what one tells is believed for the next. While
-the trunk is held, legs do not know of each other.
+with J^T J as `certainty` has it. The motions of a log are taken in turn: what one tells
+is believed for the next. While the trunk is held, legs do not know of each other, and
+what they tell of zeros is not kept: offsets and the trunk's attitude tell the same.
 """
 
 from collections.abc import Callable, Sequence
@@ -35,6 +36,7 @@ from gaitchain.identify.parameters import (
     OF_IMU,
     OF_JOINTS,
     OF_STAND,
+    OF_ZEROS,
     Parameter,
     Parameters,
 )
@@ -132,10 +134,11 @@ def _fit_motions(
         rng = np.random.default_rng((_BANK, number))
         begin = _counted(progress, ends[number], ends[-1])
         work = partial(motion.fit, belief, rng, begin)
-        found, covariance = run_once("fit", work, tuple[Array, Array])
-        known = _believed(covariance, belief.covariance, parameters)
-        belief = Belief(found, known)
-        leans.append(parameters.read(found)[1])
+        found = Belief(*run_once("fit", work, tuple[Array, Array]))
+        leans.append(parameters.read(found.mean)[1])
+        if motion.support == "held":
+            found = _but(parameters.of(*OF_ZEROS), belief, found)
+        belief = found
     progress(_STAGE, ends[-1], ends[-1])
     return belief, leans
 
@@ -169,7 +172,7 @@ def _unfelt(parameters: Parameters, parts: Sequence[MotionLog]) -> list[int]:
         unseen += OF_IMU
     if all(part.motion.support == "held" for part in parts):
         unseen += OF_STAND
-    return [place for name in unseen for place in parameters.places(name)]
+    return parameters.of(*unseen)
 
 
 def _idle(parameters: Parameters, legs: LegModel) -> list[int]:
@@ -193,16 +196,13 @@ def _counted(progress: Progress, first: int, rounds: int) -> Callable[[], None]:
     return lambda: progress(_STAGE, next(done), rounds)
 
 
-def _believed(covariance: Array, before: Array, parameters: Parameters) -> Array:
-    """Return the covariance of a fit, rough as replays are; never more than before.
-
-    That joints are alike is believed of what comes next, too: roughness hides it.
-    """
-    sd = np.sqrt(np.diag(covariance))
-    most = np.minimum(parameters.rough, np.sqrt(np.diag(before)) / sd)
-    grown = np.maximum(most, 1.0)
-    rough = np.linalg.inv(covariance * np.outer(grown, grown))
-    return np.asarray(np.linalg.inv(rough + parameters.likeness()))
+def _but(places: Sequence[int], before: Belief, found: Belief) -> Belief:
+    """Return what was found, but of some numbers what was believed before."""
+    own, mean, covariance = list(places), found.mean.copy(), found.covariance.copy()
+    mean[own] = before.mean[own]
+    covariance[own] = covariance[:, own] = 0.0
+    covariance[np.ix_(own, own)] = before.covariance[np.ix_(own, own)]
+    return Belief(mean, covariance)
 
 
 def _check(robot: Robot, log: ExerciseLog) -> None:

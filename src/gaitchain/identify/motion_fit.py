@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from gaitchain.build.jobs import arrivals
 from gaitchain.errors import LogError
+from gaitchain.identify.certainty import ALIKE, information, known
 from gaitchain.identify.joint_search import Group, JointSearch
 from gaitchain.identify.log import Measured, MotionLog
 from gaitchain.identify.parameters import OF_JOINTS, OF_SERVOS, Parameters
@@ -43,11 +44,17 @@ ROUNDS = {
 """Rounds of replays without one."""
 REPLAYS = 96
 """Number of replays in a round; more than numbers."""
+ROUGH = {"held": 1.0, "standing": 5.0}
+"""Times its residual that a row counts as: where soles touch the floor, slopes differ
+from place to place, and a search ends where more than noise is missed."""
+SURE = {"held": Round(0.3, 1.0), "standing": Round(0.2)}
+"""Replays that show how well the numbers are known that were found."""
+SURE_REPLAYS = {"held": 96, "standing": 192}
+"""Number of them, in pairs; more of these than of slopes."""
 _BLOCK = 25  # rows whose mean shows how alike residuals are
 EXPLAINED = 0.5 * (_BLOCK + 1)
 """Most likeness of a joint's residuals, see `_spread`, that are noise, mostly."""
 _LEAST_SPREAD = 0.03
-_ALIKE = 0.01  # numbers that differ by less in a round's replays share their slope
 _STEPS = (1.0, 0.5)  # parts of a Gauss-Newton step that are tried
 _LEAST_SD = (2e-4, 2e-3, 0.03)  # of joints, gyro and accelerometer
 _FALLEN = 1.0  # residual of a row that the replay did not reach; no joint's else [rad]
@@ -88,7 +95,7 @@ class MotionFit:
     @property
     def most_rounds(self) -> int:
         """Number of rounds of a fit, at most."""
-        return SEARCHES[self.support] + len(ROUNDS[self.support])
+        return SEARCHES[self.support] + len(ROUNDS[self.support]) + 1
 
     def fit(
         self, belief: Belief, rng: np.random.Generator, begin: Callable[[], None]
@@ -98,18 +105,18 @@ class MotionFit:
         Args:
             belief: without this motion.
             rng: source of randomness.
-            begin: called before each round.
+            begin: called before each round, and before the replays for the covariance.
         """
         found, rounds = belief.mean, ROUNDS[self.support]
         if SEARCHES[self.support]:
             searched = self._search(belief, begin)
             if self.explains(searched):
                 found, rounds = searched, NEAR
-        covariance = belief.covariance
         for around in rounds:
             begin()
-            found, covariance = self.improve(found, belief, around, rng)
-        return found, covariance
+            found = self.improve(found, belief, around, rng)
+        begin()
+        return found, self.certainty(found, belief, rng)
 
     def explains(self, vector: Array) -> bool:
         """Return whether a replay with these numbers misses joints by noise, mostly.
@@ -136,12 +143,12 @@ class MotionFit:
         tables = np.array(list(map(self._table, self._replays(tried))))
         missed = np.sum(tables**2, axis=1)
         least = tables[np.argmin(missed, axis=0), :, np.arange(missed.shape[1])].T
-        search.select(tried, missed * weights_of(least, self._present) ** 2)
+        search.select(tried, missed * self._weights(least) ** 2)
 
     def improve(
         self, start: Array, belief: Belief, around: Round, rng: np.random.Generator
-    ) -> tuple[Array, Array]:
-        """Return better numbers by one round, and the covariance (2) of them.
+    ) -> Array:
+        """Return better numbers by one round.
 
         Args:
             start: numbers found so far.
@@ -149,29 +156,62 @@ class MotionFit:
             around: the replays around the start.
             rng: source of randomness.
         """
-        tried = self._clipped(start + self._around(belief, around, rng))
+        tried = self._clipped(start + self._around(belief, around, REPLAYS, rng))
         replays = self._replays([start, *tried])
-        stood = np.array([len(seen.joint_position) for seen in replays[1:]])
         tables = list(map(self._table, replays))
-        weights = weights_of(tables[0], self._present)
-        known = np.linalg.inv(belief.covariance)
-        whole = np.flatnonzero(stood == len(self._measured))
+        weights = self._weights(tables[0])
+        precision = np.linalg.inv(belief.covariance)
+        whole = np.flatnonzero(self._stood(replays[1:]))
         residual, slope = self._regression(tried - start, tables[1:], whole, weights)
-        curve = slope.T @ slope + known
-        back = slope.T @ residual + known @ (start - belief.mean)
+        curve = slope.T @ slope + precision
+        back = slope.T @ residual + precision @ (start - belief.mean)
         step = -np.linalg.solve(curve, back)
         ahead = self._clipped(np.array([start + part * step for part in _STEPS]))
         vectors = [*ahead, start, *tried]
         missed = np.array([*map(self._table, self._replays(ahead)), *tables])
         off = np.array(vectors) - belief.mean
         costs = np.sum((weights * missed) ** 2, axis=(1, 2))
-        costs += np.einsum("ij,jk,ik->i", off, known, off)
-        return vectors[int(np.argmin(costs))], np.linalg.inv(curve)
+        costs += np.einsum("ij,jk,ik->i", off, precision, off)
+        best: Array = vectors[int(np.argmin(costs))]
+        return best
 
-    def _around(self, belief: Belief, around: Round, rng: np.random.Generator) -> Array:
+    def certainty(
+        self, found: Array, belief: Belief, rng: np.random.Generator
+    ) -> Array:
+        """Return the covariance (2) of numbers that were found.
+
+        Args:
+            found: the numbers.
+            belief: without this motion.
+            rng: source of randomness.
+        """
+        around, number = SURE[self.support], SURE_REPLAYS[self.support]
+        tried = self._clipped(found + self._around(belief, around, number, rng))
+        replays = self._replays([found, *tried])
+        tables = np.array(list(map(self._table, replays)))
+        rows = tables[1:] * self._weights(tables[0])
+        stood = np.logical_and(*self._stood(replays[1:]).reshape(2, -1))
+        moved, apart = _halves(tried)[stood], _halves(rows)[stood]
+        told = np.zeros_like(belief.covariance)
+        for sensors, numbers in self._effects():
+            seen = apart[:, :, sensors].reshape(len(apart), -1)
+            told[np.ix_(numbers, numbers)] += information(moved[:, numbers], seen)
+        return known(belief.covariance, told)
+
+    def _stood(self, replays: Sequence[Measured]) -> NDArray[np.bool_]:
+        """Return which replays stayed on their feet."""
+        return np.array([len(r.joint_position) == len(self._measured) for r in replays])
+
+    def _weights(self, table: Array) -> Array:
+        """Return 1 / s of each sensor."""
+        return weights_of(table, self._present) / ROUGH[self.support]
+
+    def _around(
+        self, belief: Belief, around: Round, number: int, rng: np.random.Generator
+    ) -> Array:
         """Draw deviations of all replays of a round, in pairs of opposite ones."""
         sd = np.sqrt(np.diag(belief.covariance))
-        together, apart = self._parameters.draw(REPLAYS // 2, rng)
+        together, apart = self._parameters.draw(number // 2, rng)
         half = np.maximum(around.spread * sd, _LEAST_SPREAD) * together
         half += around.own * sd * apart
         return np.concatenate([half, -half])
@@ -224,7 +264,7 @@ class MotionFit:
             design = np.column_stack([np.ones(len(stood)), moved[stood][:, numbers]])
             size = np.maximum(np.linalg.norm(design, axis=0), 1e-12)
             seen = rows[:, :, sensors].reshape(len(stood), -1)
-            scaled = np.linalg.lstsq(design / size, seen, rcond=_ALIKE)[0]
+            scaled = np.linalg.lstsq(design / size, seen, rcond=ALIKE)[0]
             level, *slopes = scaled / size[:, None]
             residual[:, sensors] = level.reshape(-1, len(sensors))
             for number, own in zip(numbers, slopes, strict=True):
@@ -270,6 +310,12 @@ class MotionFit:
             *((np.flatnonzero(of), np.array(numbers)) for of, numbers in legs),
             (imu, np.array([*chosen("tilt"), *lean])),
         ]
+
+
+def _halves(rows: Array) -> Array:
+    """Return half of what the first half of all rows differs by from the second."""
+    first, second = np.split(rows, 2)
+    return np.asarray(0.5 * (first - second))
 
 
 def sensor_kinds(tables: Sequence[Array]) -> tuple[Array, Array, Array]:

@@ -23,8 +23,6 @@ class Belief(NamedTuple):
     """From the number to its unit."""
     alike: float = 0.0
     """Correlation of two joints' numbers."""
-    rough: float = 20.0
-    """Times the deviation of `fit` (2), which a rough f(p) makes too small."""
 
 
 _DEG = float(np.degrees(1.0))
@@ -49,7 +47,7 @@ _OF_ALL = {
 }
 _OF_TRUNK = {
     "trunk_mass": Belief(1.0, 0.1, 0.3, 3.0, "%", 100.0),
-    "imu_delay_s": Belief(0.0, 0.01, 0.0, 0.15, "ms", 1000.0, rough=6.0),
+    "imu_delay_s": Belief(0.0, 0.01, 0.0, 0.15, "ms", 1000.0),
 }
 OF_JOINTS = tuple(_OF_JOINT)
 """Names of the numbers that each joint has its own of."""
@@ -59,6 +57,8 @@ OF_IMU = "tilt", "imu_delay_s"
 """Names of the numbers that nothing but an IMU shows."""
 OF_STAND = "com", "trunk_mass"
 """Names of the numbers that a trunk hides which is held."""
+OF_ZEROS = "offset", "tilt", "lean"
+"""Names of the numbers that say where zero is: of encoders, IMU and trunk."""
 _PLAY = _OF_JOINT["backlash_deg"]
 USUAL_PLAY_RAD = (_PLAY.mean + 2.5 * _PLAY.sd) / _DEG
 """Most play that usual gears have, 2.5 deviations: 2 deg [rad]."""
@@ -108,9 +108,6 @@ class Parameters:
         self.least = (least - self._mean) / self._sd
         """Bounds of the vector."""
         self.most = (most - self._mean) / self._sd
-        self.rough = np.array([p.belief.rough for p in self.all])
-        """Times the deviations of a fit, of each number."""
-
         self._alike = np.array([p.belief.alike for p in self.all])
         kinds = [(p.name, 0 if p.belief.alike else i) for i, p in enumerate(self.all)]
         self._kind = np.array([kinds.index(kind) for kind in kinds])
@@ -118,6 +115,10 @@ class Parameters:
     def places(self, name: str) -> list[int]:
         """Return where the numbers of that name are in the vector."""
         return [i for i, p in enumerate(self.all) if p.name == name]
+
+    def of(self, *names: str) -> list[int]:
+        """Return where the numbers of those names are in the vector."""
+        return [place for name in names for place in self.places(name)]
 
     def own(self, joint: int) -> list[int]:
         """Return where a joint's own numbers are in the vector."""
@@ -131,13 +132,6 @@ class Parameters:
         """Return what is believed of the vector's correlations, (P, P)."""
         same = self._kind == self._kind[:, None]
         return np.where(np.eye(len(same), dtype=bool), 1.0, self._alike * same)
-
-    def likeness(self) -> Array:
-        """Return the precision with which joints are believed to be alike, (P, P)."""
-        same = (self._kind == self._kind[:, None]) & (self._alike > 0.0)
-        means = same / np.maximum(same.sum(axis=1), 1)
-        own = np.diag(same.any(axis=1).astype(float)) - means
-        return np.asarray(own / (1.0 - self._alike))
 
     def draw(self, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
         """Draw numbers with deviations of 1 and that correlation, in two parts.
