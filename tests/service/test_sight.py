@@ -2,6 +2,8 @@
 
 import os
 
+import pytest
+
 from gaitchain.service.pulse import Pulse
 from gaitchain.service.sight import Sight, SightBeat
 
@@ -53,3 +55,22 @@ def test_an_api_that_is_started_again_waits_for_a_beat(tmp_path):
     assert sight.drawn_by is None
     part.beat()
     assert sight.drawn_by == os.getpid()
+
+
+@pytest.mark.parametrize("started", ["api", "view"])
+def test_a_file_that_a_cleaner_took_is_put_back(tmp_path, started):
+    """Whichever of the two is started after that finds the other."""
+    clock = Hand()
+    beat, sight = SightBeat(tmp_path), Sight(tmp_path, clock)
+    beat.beat()
+    assert sight.drawn_by == os.getpid()
+    (tmp_path / "view").unlink()
+    if started == "api":
+        sight = Sight(tmp_path, clock)
+    else:
+        beat = SightBeat(tmp_path)
+    clock.time_s += 10.0
+    for _ in range(2):
+        beat.beat()
+        seen = sight.drawn_by
+    assert seen == os.getpid()

@@ -50,12 +50,22 @@ class Pulse:
 
         Whoever has it open still shares the old one; a process that starts, the new.
         """
-        with suppress(FileNotFoundError):
-            if os.path.samestat(self._path.stat(), self._file):
-                return
+        if self._is_there():
+            return
         before, self._shared = self._shared, self._opened()
         self._shared[:] = before[:]
         before.close()
+
+    def look_again(self) -> None:
+        """Share the file that is there now, if it is another one."""
+        if not self._is_there():
+            self._shared.close()
+            self._shared = self._opened()
+
+    def _is_there(self) -> bool:
+        with suppress(FileNotFoundError):
+            return os.path.samestat(self._path.stat(), self._file)
+        return False
 
     def beat(self) -> None:
         """Say that the process is alive, and done with starting."""

@@ -25,7 +25,8 @@ class SightBeat:
         self._pulse.hold(str(os.getpid()))
 
     def beat(self) -> None:
-        """Say that it still does."""
+        """Say that it still does, in a file that somebody may have removed."""
+        self._pulse.put_back()
         self._pulse.beat()
 
     def close(self) -> None:
@@ -50,7 +51,10 @@ class Sight:
     @property
     def drawn_by(self) -> int | None:
         """Number of the process that draws; None while none does."""
-        beats, now_s = self._pulse.beats, self._now()
+        now_s = self._now()
+        if now_s - self._seen_s >= _SILENT_S:
+            self._pulse.look_again()
+        beats = self._pulse.beats
         if beats != self._seen:
             self._seen, self._seen_s = beats, now_s
         with suppress(ValueError):
