@@ -60,6 +60,7 @@ def found(swung):
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(motion_fit.SEARCHES, "held", 8)
         patch.setattr(motion_fit, "REPLAYS", 64)
+        patch.setitem(motion_fit.SURE_REPLAYS, "held", 80)
         patch.setattr(motion_fit, "EXPLAINED", np.inf)  # of so few rounds
         patch.setattr(motion_fit, "NEAR", (Round(0.1, 0.4),))
         return fit_logs(RES, [swung], 1, quiet)
@@ -72,9 +73,7 @@ def test_what_swings_freely_tells_delay_play_and_loaded_gains(found):
     np.testing.assert_allclose(one.backlash_deg, TRUE.backlash_deg, atol=0.15)
     loaded = [1, 2, 3, 7, 8, 9]
     np.testing.assert_allclose(one.gain[loaded], TRUE.gain[loaded], rtol=0.15)
-    joints, _, accelerometer = found.after
-    assert joints < 0.4 * found.before[0]
-    assert accelerometer < found.before[2]
+    assert found.after[0] < 0.4 * found.before[0]
 
 
 @pytest.mark.slow
@@ -126,6 +125,7 @@ def test_a_replay_shows_an_imu_that_is_late_between_its_rows():
 def test_a_robot_that_stands_tells_how_late_its_imu_is(monkeypatch):
     """Where all else is known, floor included; one round of replays."""
     monkeypatch.setitem(motion_fit.ROUGH, "standing", 1.0)
+    monkeypatch.setitem(motion_fit.SURE_REPLAYS, "standing", 88)
     parameters = Parameters(RES.legs.joint_names)
     size = len(parameters.all)
     (own,) = [i for i, p in enumerate(parameters.all) if p.name == "imu_delay_s"]
@@ -152,6 +152,7 @@ def test_the_damping_of_servos_that_have_none_stays_unknown(monkeypatch):
     log = ExerciseLog(robot.name, robot.fingerprint, names, CONTROL_PERIOD_S, (part,))
     monkeypatch.setitem(motion_fit.SEARCHES, "held", 2)
     monkeypatch.setattr(motion_fit, "REPLAYS", 40)
+    monkeypatch.setitem(motion_fit.SURE_REPLAYS, "held", 76)
     monkeypatch.setattr(motion_fit, "EXPLAINED", np.inf)
     monkeypatch.setattr(motion_fit, "NEAR", (Round(0.1, 0.4),))
     found = fit_logs(robot, [log], 1, quiet)
@@ -294,6 +295,7 @@ def test_a_library_is_fitted_by_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(motion_fit.SEARCHES, "held", 1)
     monkeypatch.setitem(motion_fit.ROUNDS, "held", (Round(0.2),))
     monkeypatch.setattr(motion_fit, "REPLAYS", 60)
+    monkeypatch.setitem(motion_fit.SURE_REPLAYS, "held", 76)
     fits, adapt = [], identify.adapt
     monkeypatch.setattr(
         identify, "adapt", lambda *given: fits.append(given[1]) or adapt(*given)

@@ -42,7 +42,6 @@ _NAMES = {
     "viscous_friction": "viscous friction",
     "trunk_mass": "mass of the trunk",
     "imu_delay_s": "IMU late by",
-    "lean": "trunk leaned, held up",
 }
 _SENSORS = (
     ("joints", math.degrees(1.0), "deg"),

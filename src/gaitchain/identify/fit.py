@@ -247,6 +247,7 @@ def _fit_of(
     numbers = tuple(
         Found(p, p.show(value), p.show(p.belief.sd * sd), sd < _TOLD)
         for p, value, sd in zip(parameters.all, values, deviations, strict=True)
+        if p.name != "lean"  # how a log was made, and of no number that is kept
     )
     _, before, after = zip(*missed, strict=True)
     found = parameters.read(belief.mean)[0]
