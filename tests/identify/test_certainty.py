@@ -51,10 +51,11 @@ def test_replays_without_roughness_tell_their_slopes():
     np.testing.assert_allclose(information(moved, rows), true, rtol=1e-6, atol=1e-6)
 
 
-def test_too_few_pairs_tell_nothing():
-    """As many directions as pairs leave no roughness to be seen."""
+@pytest.mark.parametrize("pairs", [0, 1, 10])
+def test_too_few_pairs_tell_nothing(pairs):
+    """As many directions as pairs leave no roughness to be seen; or all fell."""
     moved, rows, _ = replays(np.random.default_rng(3), 5.0, 0.05)
-    few = information(moved[:10], rows[:10])
+    few = information(moved[:pairs], rows[:pairs])
     np.testing.assert_array_equal(few, np.zeros((NUMBERS, NUMBERS)))
 
 

@@ -30,7 +30,7 @@ def information(moved: Array, rows: Array) -> Array:
     """
     size = np.maximum(np.linalg.norm(moved, axis=0), 1e-12)
     left, lengths, right = np.linalg.svd(moved / size, full_matrices=False)
-    seen = lengths > ALIKE * lengths[0]
+    seen = lengths > ALIKE * lengths.max(initial=0.0)
     inverse = (right[seen].T / lengths[seen]) @ left[:, seen].T / size[:, None]
     slopes = inverse @ rows
     free = len(moved) - int(seen.sum())
