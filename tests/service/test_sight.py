@@ -74,3 +74,16 @@ def test_a_file_that_a_cleaner_took_is_put_back(tmp_path, started):
         beat.beat()
         seen = sight.drawn_by
     assert seen == os.getpid()
+
+
+def test_without_its_folder_the_view_goes_on(tmp_path):
+    """The page may still ask, and the view still draw; nothing ends by that."""
+    clock, folder = Hand(), tmp_path / "service"
+    folder.mkdir()
+    beat, sight = SightBeat(folder), Sight(folder, clock)
+    (folder / "view").unlink()
+    folder.rmdir()
+    for _ in range(2):
+        beat.beat()
+        assert sight.drawn_by == os.getpid()
+        clock.time_s += 10.0

@@ -50,22 +50,18 @@ class Pulse:
 
         Whoever has it open still shares the old one; a process that starts, the new.
         """
-        if self._is_there():
-            return
-        before, self._shared = self._shared, self._opened()
-        self._shared[:] = before[:]
-        before.close()
+        before = self._shared[:]
+        if self.look_again():
+            self._shared[:] = before
 
-    def look_again(self) -> None:
-        """Share the file that is there now, if it is another one."""
-        if not self._is_there():
-            self._shared.close()
-            self._shared = self._opened()
-
-    def _is_there(self) -> bool:
+    def look_again(self) -> bool:
+        """Share the file that is there now; return whether it is another, or new."""
         with suppress(FileNotFoundError):
-            return os.path.samestat(self._path.stat(), self._file)
-        return False
+            if os.path.samestat(self._path.stat(), self._file):
+                return False
+        before, self._shared = self._shared, self._opened()
+        before.close()
+        return True
 
     def beat(self) -> None:
         """Say that the process is alive, and done with starting."""

@@ -26,7 +26,8 @@ class SightBeat:
 
     def beat(self) -> None:
         """Say that it still does, in a file that somebody may have removed."""
-        self._pulse.put_back()
+        with suppress(OSError):  # the folder as well
+            self._pulse.put_back()
         self._pulse.beat()
 
     def close(self) -> None:
@@ -53,7 +54,8 @@ class Sight:
         """Number of the process that draws; None while none does."""
         now_s = self._now()
         if now_s - self._seen_s >= _SILENT_S:
-            self._pulse.look_again()
+            with suppress(OSError):
+                self._pulse.look_again()
         beats = self._pulse.beats
         if beats != self._seen:
             self._seen, self._seen_s = beats, now_s
