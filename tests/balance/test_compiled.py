@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.balance import compiled
 from gaitchain.gait.library_file import save_library
 from gaitchain.messages import Command
 from gaitchain.sim.push import Push
@@ -168,18 +167,3 @@ def test_without_numba_it_says_what_to_install():
     assert "pip install numba" in message
     assert "GAITCHAIN_PLAIN=1" in message
     assert said(GAITCHAIN_PLAIN="1") == "plain False\n"
-
-
-def test_the_cache_is_named_after_all_that_machine_code_contains(monkeypatch, tmp_path):
-    """Targets and constants lie in other folders; old machine code must not serve."""
-    files = compiled.source_files()
-    package = Path(compiled.__file__).parents[1]
-    for name in ("gait/step_target.py", "messages.py", "balance/curves.py"):
-        assert package / name in files, name
-    name = Path(compiled._cache_folder()).name
-    changed = tmp_path / "messages.py"
-    changed.write_text((package / "messages.py").read_text("utf-8") + "# new", "utf-8")
-    others = [file for file in files if file.name != changed.name]
-    monkeypatch.setattr(compiled, "source_files", lambda: [*others, changed])
-    monkeypatch.setattr(compiled.shutil, "rmtree", lambda *_, **__: None)
-    assert Path(compiled._cache_folder()).name != name

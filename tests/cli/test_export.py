@@ -1,4 +1,4 @@
-"""`export` and `warm-up` as a user calls them."""
+"""`export` as a user calls it."""
 
 import json
 
@@ -96,12 +96,3 @@ def test_a_folder_that_cannot_be_made_is_refused(capsys, tmp_path):
     )
     assert code == 2
     assert "no such folder can be made" in err
-
-
-def test_warm_up_says_where_the_machine_code_is(capsys):
-    call(capsys, "warm-up")
-    code, out, _ = call(capsys, "warm-up", "--json", "-")
-    found = json.loads(out)
-    assert code == 0
-    assert found["bytes"] > 0
-    assert "numba-" in found["folder"]

@@ -4,19 +4,17 @@ Both give the same numbers: compiled functions use floats, small arrays and `mat
 Plain Python is for tests and debuggers; it takes some forty times as long.
 """
 
-import hashlib
 import os
-import re
-import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
+from gaitchain.balance.code_cache import find_folder, unkept
 from gaitchain.errors import GaitchainError
 
 F = TypeVar("F", bound=Callable[..., Any])
-_IMPORTED = re.compile(r"^from gaitchain\.([\w.]+) import", re.MULTILINE)
 
 
 def _find_numba() -> Any:
@@ -34,48 +32,13 @@ def _find_numba() -> Any:
     return numba
 
 
-def source_files() -> list[Path]:
-    """List the modules of this folder and those that they import names from.
-
-    Machine code contains their constants and the layouts of their named tuples. Names
-    are never passed on (mypy refuses it), so imports of imports do not matter.
-    """
-    here = Path(__file__).parent
-    files = set(here.glob("*.py"))
-    for file in sorted(files):
-        for module in _IMPORTED.findall(file.read_text("utf-8")):
-            path = here.parent.joinpath(*module.split("."))
-            files.add(path.with_suffix(".py"))
-    return sorted(file for file in files if file.is_file())
-
-
-def _cache_folder() -> str:
-    """Name a folder after the sources of all that is compiled.
-
-    Numba checks the file of a function only, and would go on using an old copy of what
-    it calls, or of the constants it reads, in other files.
-    """
-    here = Path(__file__).parent
-    digest = hashlib.sha256()
-    for file in source_files():
-        digest.update(file.read_bytes())
-    name = f"numba-{digest.hexdigest()[:12]}"
-    beside = here / "__pycache__"
-    home = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
-    if not os.access(beside if beside.is_dir() else here, os.W_OK):
-        return str(home / "gaitchain" / name)
-    for old in beside.glob("numba-*"):  # of sources that are no longer there
-        if old.name != name:
-            shutil.rmtree(old, ignore_errors=True)
-    return str(beside / name)
-
-
 _numba = _find_numba()
-_folder = _cache_folder() if _numba else ""
+_folder = find_folder() if _numba else None
 
 COMPILED = _numba is not None
 """Whether the control step is machine code."""
 _functions: list[Any] = []
+_lost: list[OSError] = []
 
 
 class Compilation(NamedTuple):
@@ -97,24 +60,58 @@ def compilation() -> Compilation:
 
 
 def cache_folder() -> Path | None:
-    """Return the folder of the machine code; None where plain Python runs.
+    """Return the folder of the machine code; None where none is kept.
 
     It is named after the sources, so another version of them has another folder.
     """
-    return Path(_folder) if COMPILED else None
+    return _folder
+
+
+def cache_trouble() -> str:
+    """Return why machine code is compiled again by the next process, if it is."""
+    if COMPILED and _folder is None:
+        return unkept()
+    if not _lost:
+        return ""
+    return (
+        f"{_folder}: machine code cannot be kept: {_lost[-1].strerror}; it takes some "
+        "12 MiB: make room, or set XDG_CACHE_HOME to another folder"
+    )
 
 
 def compiled(function: F) -> F:
     """Compile a function of floats, small arrays and named tuples of them."""
     if _numba is None:
         return function
-    before, _numba.config.CACHE_DIR = _numba.config.CACHE_DIR, _folder
-    try:
-        result: F = _numba.njit(cache=True)(function)
-    finally:
-        _numba.config.CACHE_DIR = before
+    result: F = _numba.njit(function)
+    if _folder is not None:
+        _keep(result, function)
     _functions.append(result)
     return result
+
+
+def _keep(dispatcher: Any, function: Callable[..., Any]) -> None:
+    """Let a compiled function be kept in the folder, as `njit(cache=True)` does."""
+    before, _numba.config.CACHE_DIR = _numba.config.CACHE_DIR, str(_folder)
+    try:
+        dispatcher._cache = _forgiving_cache()(function)
+    finally:
+        _numba.config.CACHE_DIR = before
+
+
+@cache
+def _forgiving_cache() -> type[Any]:
+    """Return Numba's cache of a function, which goes on where the disk is full."""
+    from numba.core.caching import FunctionCache  # noqa: PLC0415 - heavy, as above
+
+    class Forgiving(FunctionCache):
+        def save_overload(self, sig: Any, data: Any) -> None:
+            try:
+                super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+            except OSError as error:
+                _lost.append(error)
+
+    return Forgiving
 
 
 def compiled_as(function: Callable[..., Any]) -> Callable[[F], F]:

@@ -81,6 +81,7 @@ def _run_verb(options: Any) -> int:
         # Imported here, so that each verb loads only its own heavy packages.
         console = import_module("gaitchain.cli.console")
         verb = import_module(f"gaitchain.cli.{name.replace('-', '_')}")
+        _tell_of_compilation()
         talks = name in _TALKS
         with (
             ended_as_by_hand(once=talks),
@@ -90,6 +91,13 @@ def _run_verb(options: Any) -> int:
         ):
             code, report.results = verb.run(options)
         return int(code)
+
+
+def _tell_of_compilation() -> None:
+    """Say on standard error if all is compiled anew each time, for a verb that does."""
+    compiled = sys.modules.get("gaitchain.balance.compiled")
+    if compiled is not None and (why := compiled.cache_trouble()):
+        print(f"gaitchain: {why}", file=sys.stderr)
 
 
 def extras_of(options: Any) -> list[str]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
+from gaitchain.errors import GaitchainError
 from gaitchain.service.ends import known_ends
 
 _Handler = Callable[[int, Any], Any]
@@ -22,9 +23,10 @@ def ended_as_by_hand(*, once: bool) -> Iterator[None]:
         once: whether what comes after the first one is ignored, as it would interrupt a
             verb that lets go of servos.
     """
-    usual = signal.SIG_DFL, signal.default_int_handler
+    usual, asked = (signal.SIG_DFL, signal.default_int_handler), threading.Event()
 
     def end(number: int, frame: Any) -> None:
+        asked.set()
         if once:
             _handle(dict.fromkeys(before, signal.SIG_IGN))
         signal.default_int_handler(number, frame)
@@ -33,6 +35,13 @@ def ended_as_by_hand(*, once: bool) -> Iterator[None]:
     _handle(dict.fromkeys(before, end))
     try:
         yield
+    except GaitchainError:
+        raise
+    except Exception as error:
+        # A compiler loses an interrupt in its callback, and misses what that makes.
+        if asked.is_set():
+            raise KeyboardInterrupt from error
+        raise
     finally:
         _handle(before)
 

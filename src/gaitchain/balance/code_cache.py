@@ -1,0 +1,119 @@
+"""Where machine code is kept from one process to the next. Ours.
+
+In the package's own folder where that can be written, else in the user's cache. In an
+image that was warmed up and is run read-only, or as another user, that code is taken
+over; what cannot be written at all is compiled in each process anew.
+"""
+
+import atexit
+import hashlib
+import os
+import re
+import shutil
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+
+_IMPORTED = re.compile(r"^from gaitchain\.([\w.]+) import", re.MULTILINE)
+_HERE = Path(__file__).parent
+
+
+def source_files() -> list[Path]:
+    """List the modules of this folder and those that they import names from.
+
+    Machine code contains their constants and the layouts of their named tuples. Names
+    are never passed on (mypy refuses it), so imports of imports do not matter.
+    """
+    files = set(_HERE.glob("*.py"))
+    for file in sorted(files):
+        for module in _IMPORTED.findall(file.read_text("utf-8")):
+            path = _HERE.parent.joinpath(*module.split("."))
+            files.add(path.with_suffix(".py"))
+    return sorted(file for file in files if file.is_file())
+
+
+def code_name() -> str:
+    """Name a folder after the sources of all that is compiled.
+
+    Numba checks the file of a function only, and would go on using an old copy of what
+    it calls, or of the constants it reads, in other files.
+    """
+    digest = hashlib.sha256()
+    for file in source_files():
+        digest.update(file.read_bytes())
+    return f"numba-{digest.hexdigest()[:12]}"
+
+
+def find_folder(beside: Path = _HERE / "__pycache__") -> Path | None:
+    """Return a folder for machine code; None where none can be written.
+
+    Args:
+        beside: the package's own.
+    """
+    name = code_name()
+    if _can_write(beside):
+        for old in beside.glob("numba-*"):  # of sources that are no longer there
+            if old.name != name:
+                shutil.rmtree(old, ignore_errors=True)
+        return beside / name
+    warmed, kept = beside / name, user_folder()
+    if kept is not None and _can_write(kept):
+        if warmed.is_dir() and not (kept / name).exists():
+            _take_over(warmed, kept / name)
+        return kept / name
+    return _borrowed(warmed) if warmed.is_dir() else None
+
+
+def user_folder() -> Path | None:
+    """Return the user's cache folder for gaitchain; None of a user without a home."""
+    given = os.environ.get("XDG_CACHE_HOME")
+    if given:
+        return Path(given) / "gaitchain"
+    try:
+        return Path.home() / ".cache" / "gaitchain"
+    except RuntimeError:
+        return None
+
+
+def unkept() -> str:
+    """Return the text that says why nothing is kept, and what to do."""
+    where = [str(_HERE / "__pycache__"), *map(str, filter(None, [user_folder()]))]
+    return (
+        f"machine code is not kept, as {' and '.join(where)} cannot be written: each "
+        "process compiles for a minute or more; set XDG_CACHE_HOME to a folder that can"
+    )
+
+
+def _can_write(folder: Path) -> bool:
+    """Return whether there is such a folder now that takes files."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        return False
+    return True
+
+
+def _take_over(warmed: Path, folder: Path) -> None:
+    """Copy machine code, unless another process was faster or there is no room."""
+    with suppress(OSError):
+        part = Path(tempfile.mkdtemp(dir=folder.parent, prefix=".part-"))
+        try:
+            shutil.copytree(warmed, part, dirs_exist_ok=True)
+            part.rename(folder)
+        except OSError:
+            shutil.rmtree(part, ignore_errors=True)
+
+
+def _borrowed(warmed: Path) -> Path | None:
+    """Return a copy for this process, as Numba reads only where it could write."""
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="gaitchain-code-"))
+    except OSError:
+        return None
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    try:
+        shutil.copytree(warmed, folder, dirs_exist_ok=True)
+    except OSError:
+        return None
+    return folder

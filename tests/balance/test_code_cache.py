@@ -1,0 +1,132 @@
+"""Machine code is kept where that can be, and taken over from where it was made."""
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from gaitchain.balance import code_cache
+from gaitchain.balance.code_cache import code_name, find_folder, source_files
+
+NOWHERE = Path("/proc/none")  # not even root can write there
+
+
+@pytest.fixture
+def warmed(tmp_path, monkeypatch):
+    """A package's folder with machine code that cannot be written, nor the user's."""
+    beside = tmp_path / "__pycache__"
+    made = beside / code_name() / "balance_0123"
+    made.mkdir(parents=True)
+    (made / "sane.nbi").write_bytes(b"code")
+    can_write = code_cache._can_write
+    read_only = [beside]
+    monkeypatch.setattr(
+        code_cache, "_can_write", lambda f: f not in read_only and can_write(f)
+    )
+    monkeypatch.setenv("XDG_CACHE_HOME", str(NOWHERE))
+    return beside
+
+
+def content(folder):
+    return {f.name: f.read_bytes() for f in folder.rglob("*") if f.is_file()}
+
+
+def test_code_beside_the_package_is_used_where_it_can_be_written(tmp_path):
+    beside = tmp_path / "__pycache__"
+    old = beside / "numba-0123456789ab"
+    old.mkdir(parents=True)
+    assert find_folder(beside) == beside / code_name()
+    assert not old.exists()
+
+
+def test_code_of_a_read_only_package_is_taken_over_by_the_user(
+    warmed, tmp_path, monkeypatch
+):
+    home = tmp_path / "home"
+    monkeypatch.setenv("XDG_CACHE_HOME", str(home))
+    found = find_folder(warmed)
+    assert found == home / "gaitchain" / code_name()
+    assert content(found) == {"sane.nbi": b"code"}
+    (found / "more.nbi").write_bytes(b"new")
+    assert find_folder(warmed) == found
+    assert content(found) == {"sane.nbi": b"code", "more.nbi": b"new"}
+    assert [f.name for f in found.parent.iterdir()] == [code_name()]
+
+
+def test_where_nothing_can_be_kept_that_code_still_serves(warmed):
+    found = find_folder(warmed)
+    assert content(found) == {"sane.nbi": b"code"}
+    assert found.is_relative_to(tempfile.gettempdir())
+
+
+def test_no_folder_at_all_is_no_error(warmed, monkeypatch, tmp_path):
+    def full(**_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(code_cache.tempfile, "mkdtemp", full)
+    assert find_folder(warmed) is None
+    assert find_folder(NOWHERE / "__pycache__") is None
+    assert "set XDG_CACHE_HOME to a folder that can" in code_cache.unkept()
+
+
+def test_a_user_without_a_home_is_no_error(monkeypatch):
+    def homeless():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(code_cache.Path, "home", homeless)
+    assert code_cache.user_folder() is None
+    assert "__pycache__ cannot be written" in code_cache.unkept()
+
+
+DOUBLED = """
+from gaitchain.balance.compiled import compiled
+
+@compiled
+def twice(x: float) -> float:
+    return 2.0 * x
+"""
+CALLED = """
+import sys
+from gaitchain.balance import code_cache
+if sys.argv[1] == "folder":
+    code_cache.find_folder = lambda: None
+from numba.core.caching import IndexDataCacheFile
+def full(*_):
+    raise OSError(28, "No space left on device")
+IndexDataCacheFile.save = full
+from doubled import twice
+from gaitchain.balance.compiled import cache_trouble
+print(twice(3.0), cache_trouble())
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lacks", ["folder", "room"])
+def test_what_cannot_be_kept_is_compiled_all_the_same(lacks, tmp_path):
+    """In a fresh interpreter."""
+    (tmp_path / "doubled.py").write_text(DOUBLED, "utf-8")
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    command = [sys.executable, "-c", CALLED, lacks]
+    environment = {**os.environ, "PYTHONPATH": path}
+    said = subprocess.check_output(command, env=environment, text=True)
+    assert said.startswith("6.0 ")
+    assert "XDG_CACHE_HOME" in said
+    assert ("No space left" in said) == (lacks == "room")
+
+
+def test_the_name_is_that_of_all_that_machine_code_contains(monkeypatch, tmp_path):
+    """Targets and constants lie in other folders; old machine code must not serve."""
+    files = source_files()
+    package = Path(code_cache.__file__).parents[1]
+    for name in ("gait/step_target.py", "messages.py", "balance/curves.py"):
+        assert package / name in files, name
+    name = code_name()
+    changed = tmp_path / "messages.py"
+    changed.write_text((package / "messages.py").read_text("utf-8") + "# new", "utf-8")
+    others = [file for file in files if file.name != changed.name]
+    monkeypatch.setattr(code_cache, "source_files", lambda: [*others, changed])
+    assert code_name() != name
