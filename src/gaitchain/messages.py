@@ -13,6 +13,8 @@ GRAVITY = 9.81
 CONTROL_PERIOD_S = 0.01
 """Time between two targets of the servos [s]."""
 
+_ABSURD = 1e6  # m/s and rad/s together; more than a broken program sends by mistake
+
 
 @dataclass(frozen=True)
 class Command:
@@ -34,9 +36,9 @@ class Command:
 
     @property
     def stops(self) -> bool:
-        """Whether the robot is to stand; also where a speed is no number."""
+        """Whether the robot is to stand; also where a speed is none of a robot's."""
         sizes = abs(self.vx) + abs(self.vy) + abs(self.yaw_rate)
-        return not 0.0 < sizes < float("inf")
+        return not 0.0 < sizes < _ABSURD
 
     def scaled(self, part: float) -> "Command":
         """Return the command with a part of its speeds."""

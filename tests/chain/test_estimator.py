@@ -231,6 +231,8 @@ def test_questions_that_cannot_be_are_refused():
         model.score([[0, 2]])
     with pytest.raises(ChainError, match=r"0\.\.1"):
         model.best_path(start=7)
+    with pytest.raises(ChainError, match=r"^end=99: need node indices in 0\.\."):
+        model.best_path(start=0, end=99)
     for count in (0, "a", 2.5, True, 2**70):
         with pytest.raises(ChainError, match="1 or more, a whole number up to"):
             model.sample(count)

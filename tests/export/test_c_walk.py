@@ -161,6 +161,7 @@ def test_c_does_what_python_does(shipped, walkers, tmp_path, capsys):
     end = round(PUSHED_S) * SECOND
     commands = {t: random_command(span, rng) for t in range(SECOND, end, 180)}
     commands |= {60: Command(np.nan), 70: Command(crouch=-0.1), 80: Command(9.0)}
+    commands |= {82: Command(-1e308), 84: Command(0.1), 86: Command(1e308)}
     commands |= {90: Command(), 7 * SECOND: Command(0.5 * span.vx[1])}
     backend.connect(walker.stand)
     backend.start_clock()

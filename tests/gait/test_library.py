@@ -318,6 +318,15 @@ def test_a_header_that_is_nested_too_deeply_is_refused(folder, data, depth):
         )
 
 
+def test_a_name_that_comes_with_the_package_is_told_by_its_path():
+    """On the command line the name is enough."""
+    for name in ("res", "res.gait"):
+        with pytest.raises(LibraryError, match="comes with gaitchain is ") as told:
+            load_library(name)
+        path = str(told.value).rpartition(" is ")[2]
+        assert load_library(path).qualified
+
+
 def test_missing_file_and_directory(folder):
     with pytest.raises(LibraryError, match=r"nowhere\.gait: cannot be read: No such"):
         load_library(folder / "nowhere.gait")

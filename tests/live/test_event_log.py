@@ -67,6 +67,19 @@ def test_refusals_that_differ_are_told_though_they_come_at_once(clock):
     assert texts(log) == said[:1]
 
 
+def test_who_asks_again_is_answered_again(clock):
+    """Though it is no new event; of a flood a few are."""
+    log = EventLog(clock)
+    for _ in range(3):
+        log.add_refusal("start by me refused: it stands")
+        assert log.take_refused() == ("start by me refused: it stands",)
+    assert texts(log) == ["start by me refused: it stands"]
+    for tick in range(100):
+        log.add_refusal(f"start by driver{tick} refused: me drives")
+    assert len(log.take_refused()) == 8
+    assert log.take_refused() == ()
+
+
 def test_refusals_that_all_differ_are_bounded(clock):
     log, told = EventLog(clock), 0
     for tick in range(6000):

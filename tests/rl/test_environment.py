@@ -233,6 +233,8 @@ def test_a_command_comes_in_any_form_of_three_numbers(env):
 
 
 def test_steps_that_cannot_be_are_refused():
+    with pytest.raises(CommandError, match="random_world 'no': need True or False"):
+        WalkEnv(random_world="no")
     env = WalkEnv(random_world=False)
     with pytest.raises(CommandError, match="call reset first"):
         env.step(np.zeros(12, np.float32))

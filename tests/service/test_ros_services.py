@@ -111,6 +111,39 @@ def test_a_request_that_is_not_carried_out_is_no_success(monkeypatch):
     assert "not carried out within 0.05 s; the robot is off: why" in message
 
 
+class Deaf(Loop):
+    """A loop that refuses, though the robot is in the mode that is asked for."""
+
+    def ask(self, request):
+        self.asked.append(request)
+        self.say(f"push by ros refused: {WHY}")
+        self.say(f"{ros_services.refusal(request)}{WHY}")
+        return True
+
+    def say(self, *refused):
+        self.services.take(told(RES, mode=self.after, reason="", refused=refused))
+
+
+WHY = "bob drives"
+
+
+def test_who_is_refused_hears_why():
+    link = Kept()
+    loop = Deaf(link, Mode.WALKING)
+    for _ in range(2):
+        answer = threaded(link.services["/gaitchain/start"], loop, Mode.WALKING)
+        assert answer == (False, "refused: bob drives")
+
+
+def test_a_refusal_of_before_is_no_answer():
+    link = Kept()
+    loop = Loop(link, Mode.RISING)
+    refused = (f"start by ros refused: {WHY}",)
+    loop.services.take(told(RES, mode=Mode.OFF, reason="", refused=refused))
+    answer = threaded(link.services["/gaitchain/start"], loop, Mode.RISING)
+    assert answer == (True, "rising: why")
+
+
 @pytest.mark.parametrize(
     ("name", "after"),
     [
@@ -258,7 +291,8 @@ def test_the_state_is_published():
     topics = StateTopics(link, RES, behind=False)
     place = LegOdometry(LIBRARY, 0.01).latest
     for i in range(11):
-        topics.publish(told(RES, 0.01 * i, odometry=place, status="no IMU"))
+        state = told(RES, 0.01 * i, odometry=place, status="no IMU")
+        topics.publish(state, LinkHealth(7, 2, "commands are ignored: NaN"), 3)
     count = {
         t: sum(t == other for other, _ in link.published) for t, _ in link.published
     }
@@ -271,8 +305,12 @@ def test_the_state_is_published():
     }
     assert link.latched == {"/robot_description"}
     (states,) = [m for t, m in link.published if t == "/diagnostics"]
-    assert [s.level for s in states.status] == [0, 1, 0, 0]
+    assert [s.level for s in states.status] == [0, 1, 0, 0, 1]
     assert states.status[1].message == "no IMU"
+    assert states.status[4].name == "gaitchain: link to ROS"
+    assert states.status[4].message == "commands are ignored: NaN"
+    said = {v.key: v.value for v in states.status[4].values}
+    assert said == {"sent": "7", "lost": "2", "ignored commands": "3"}
     for _, message in link.published:
         assert cdr.decode(type(message), cdr.encode(message)).type_name
 
@@ -280,7 +318,8 @@ def test_the_state_is_published():
 def test_a_robot_behind_ros_keeps_its_own_links_and_imu():
     link = Kept()
     topics = StateTopics(link, RES, behind=True)
-    topics.publish(told(RES, odometry=LegOdometry(LIBRARY, 0.01).latest))
+    state = told(RES, odometry=LegOdometry(LIBRARY, 0.01).latest)
+    topics.publish(state, LinkHealth(), 0)
     assert {t for t, _ in link.published} == {"/tf", "/odom", "/diagnostics"}
     (tree,) = [m for t, m in link.published if t == "/tf"]
     frames = [t.child_frame_id for t in tree.transforms]

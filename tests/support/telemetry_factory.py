@@ -72,6 +72,7 @@ def seen(walker, backend, time_s, target, *, truth=True, **changes):
         stamp_ns=lambda: BEGAN_NS + round(1e9 * time_s),
         recalled=tuple,
         take=tuple,
+        take_refused=tuple,
     )
     builder = TelemetryBuilder(walker, safe, modes, events, PACE.period_s)
     row = builder.build(backend.read(), "", PACE)

@@ -1,5 +1,6 @@
 """The walker on a dynamic library: bad sensors, commands, standing, repeatability."""
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 
@@ -305,11 +306,14 @@ def test_a_command_out_of_range_is_noted(brisk):
     most = brisk.command_range.vx[1]
     done = walker.command(Command(3.0 * most))
     assert done.vx == pytest.approx(most)
-    assert "3.00 of what the library walks" in walker.note
+    assert "3 of what the library walks" in walker.note
     walker.follow([Command(3.0 * most), Command(0.5 * most), Command(3.0 * most)])
-    assert walker.note.count("3.00 of what") == 1
+    assert walker.note.count("3 of what") == 1
     assert walker.command(Command(0.5 * most)) == Command(0.5 * most)
     assert walker.note == ""
+    for absurd in (1e308, -1e308, 1e7, -math.inf):
+        assert walker.command(Command(absurd)) == Command()
+        assert "is no command: stop" in walker.note
     assert walker.command(Command(float("nan"))) == Command()
     assert walker.note
 

@@ -18,7 +18,7 @@ from gaitchain.chain.layered_chain import (
     check_gaits,
     check_layer_sizes,
 )
-from gaitchain.chain.policy import look_ahead
+from gaitchain.chain.policy import check_nodes, look_ahead
 from gaitchain.chain.training import train_batch
 from gaitchain.errors import ChainError, NotFittedError
 
@@ -161,6 +161,8 @@ class LayeredChainModel:
         """
         self._fitted()
         starts = np.arange(self.layer_sizes_[0]) if start is None else [start]
+        if end is not None:
+            check_nodes("end", end, self.layer_sizes_[-1])
         paths = look_ahead(self.edge_costs_, starts, None if end is None else [end])
         return np.asarray(paths[np.argmin(self.expected_cost(paths))])
 

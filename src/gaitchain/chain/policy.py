@@ -233,14 +233,24 @@ def _checked(
     costs = _check_costs(edge_costs)
     last = np.zeros(costs[-1].shape[1])
     if allowed_last is not None:
-        allowed = _check_poses("allowed_last", allowed_last, last.size)
+        allowed = check_nodes("allowed_last", allowed_last, last.size)
         last[:] = np.inf
         last[allowed] = 0.0
-    return costs, last, _check_poses("start", start, costs[0].shape[0])
+    return costs, last, check_nodes("start", start, costs[0].shape[0])
 
 
-def _check_poses(name: str, poses: ArrayLike, size: int) -> IntArray:
-    values = np.asarray(poses)
+def check_nodes(name: str, nodes: ArrayLike, size: int) -> IntArray:
+    """Return nodes of a layer as an array of indices.
+
+    Args:
+        name: what they are, for the message.
+        nodes: one, or an array of them.
+        size: number of the layer's nodes.
+
+    Raises:
+        ChainError: one does not exist, or is no index.
+    """
+    values = np.asarray(nodes)
     integer = np.issubdtype(values.dtype, np.integer)
     if not integer or np.any((values < 0) | (values >= size)):
         raise ChainError(

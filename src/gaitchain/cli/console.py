@@ -251,7 +251,11 @@ def check_writable(path: Path) -> None:
         CommandError: the file cannot be written.
     """
     make_folder(path.parent)
-    if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+    if path.is_dir():
+        raise CommandError(
+            f"{path}: cannot be written, as it is a folder; name a file in it"
+        )
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
         raise CommandError(f"{path}: cannot be written; name a file in your own folder")
 
 

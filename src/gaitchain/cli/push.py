@@ -61,6 +61,8 @@ def run(options: Push) -> tuple[int, dict[str, Any]]:
 
 
 def _check_speed(vx: float, library: GaitLibrary) -> None:
+    if not math.isfinite(vx):
+        raise CommandError(f"--vx {vx:g}: need a speed in m/s, as 0.2")
     if vx != 0.0:  # standing is always possible
         try:
             library.command_range.check(Command(vx))

@@ -160,7 +160,7 @@ class CommandRange:
         done = self._within_share(command, 1.0)
         return done, (
             f"{command.vx:g}, {command.vy:g} m/s, {command.yaw_rate:g} rad/s is "
-            f"{share:.2f} of what the library walks: {done.vx:.3f}, {done.vy:.3f}, "
+            f"{share:.3g} of what the library walks: {done.vx:.3f}, {done.vy:.3f}, "
             f"{done.yaw_rate:.3f}"
         )
 

@@ -33,6 +33,7 @@ from gaitchain.robot.whole_file import read_file, replace_file
 
 _LOG = logging.getLogger(__name__)
 SCHEMA = 10
+_SHIPPED = Path(__file__).parents[1] / "data"
 _KEY = "gaitchain"  # the only metadata entry, as the order of several is not defined
 _MOST_BYTES = 100_000_000  # a library has less than one
 _SHOWN = 4  # differences between robots that an error message names
@@ -101,6 +102,10 @@ def load_library(path: str | Path, robot: Robot | None = None) -> GaitLibrary:
             another schema, or for another robot; the message names the difference.
     """
     file = Path(path)
+    if not file.exists() and (shipped := _SHIPPED / f"{file.stem}.gait").exists():
+        raise LibraryError(
+            f"{path}: no such file; the one that comes with gaitchain is {shipped}"
+        )
     with file_errors(file, "read", LibraryError):
         data = read_file(file, _MOST_BYTES)
     library = parse_library(data, str(file))

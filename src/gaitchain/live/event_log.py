@@ -14,6 +14,7 @@ from gaitchain.live.messages import Event
 
 _KEPT = 100
 _MOST = 20  # in one control period; a flood is cut short
+_ANSWERS = 8  # refusals in one control period
 _SAME_REFUSAL_S = 10.0  # least time between two refusals alike
 _REFUSALS, _REFUSALS_S = 5, 1.0  # so many others at once, then one in so long [s]
 _REFUSED = 32  # texts of refusals that are kept
@@ -43,6 +44,7 @@ class EventLog:
         self._asked = False
         self._refused: dict[str, float] = {}  # when each was told last, oldest first
         self._refusals_s = -math.inf  # each refusal is told at the cost of some time
+        self._now_refused: list[str] = []
 
     def time_s(self) -> float:
         """Return the time since the beginning [s]."""
@@ -89,6 +91,8 @@ class EventLog:
 
     def add_refusal(self, text: str) -> None:
         """Note a request that is not carried out, and why; a few of many alike."""
+        if len(self._now_refused) < _ANSWERS:
+            self._now_refused.append(text)
         now_s = self.time_s()
         if now_s - self._refused.get(text, -math.inf) < _SAME_REFUSAL_S:
             return
@@ -108,6 +112,11 @@ class EventLog:
         events, self._events = tuple(self._events), []
         self._past += events
         return events
+
+    def take_refused(self) -> tuple[str, ...]:
+        """Return what was refused since the last call, for whoever asked for it."""
+        refused, self._now_refused = tuple(self._now_refused), []
+        return refused
 
     def recall(self) -> None:
         """Let `recalled` give the latest events once."""

@@ -6,6 +6,7 @@ the library's `robot.legs.joint_names`.
 """
 
 import math
+import re
 from enum import StrEnum
 
 import msgspec
@@ -241,6 +242,9 @@ class Telemetry(LoopState, frozen=True, kw_only=True):
     """What happened since the telemetry before."""
     recalled: tuple[Event, ...] = ()
     """What happened before that, repeated for a reader who asked (`Recall`)."""
+    refused: tuple[str, ...] = ()
+    """Of requests since the telemetry before those that are not carried out, by
+    `refusal`, a few at most; `events` tell of many alike once."""
 
     @property
     def joint_torque(self) -> Numbers:
@@ -384,6 +388,15 @@ class Recall(msgspec.Struct, frozen=True, tag=True):
 
 class Shutdown(msgspec.Struct, frozen=True, tag=True):
     """Make the robot safe and end."""
+
+
+_WORD = re.compile("[A-Z][a-z]+")
+
+
+def refusal(request: DriverRequest) -> str:
+    """Return how the text of a refused request begins; why follows it."""
+    words = _WORD.findall(type(request).__name__.removesuffix("Robot"))
+    return f"{' '.join(words).lower()} by {request.driver} refused: "
 
 
 _Torque = Start | Stop | Rest | EmergencyStop | Reset | GetUp

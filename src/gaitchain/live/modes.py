@@ -6,7 +6,6 @@ off; any other trouble makes the robot hold still.
 
 import logging
 import math
-import re
 from dataclasses import astuple, replace
 
 import numpy as np
@@ -29,7 +28,6 @@ SETTLE_S = 1.0
 """Standing still before the walker is asked, and again before it may walk [s]."""
 _BLOCKED = math.radians(5.0)
 _LONGEST = 1000  # characters of a note: it is kept, sent on and logged
-_WORD = re.compile("[A-Z][a-z]+")
 LIMP = (Mode.OFF, Mode.STOPPED)
 """Modes with the torque off."""
 _DriverAsks = (
@@ -235,9 +233,7 @@ class ModeMachine:
             self._disturb(request)
 
     def _refuse(self, request: _DriverAsks | ask.Drive, why: str) -> None:
-        words = _WORD.findall(type(request).__name__.removesuffix("Robot"))
-        what = " ".join(words).lower()
-        self._events.add_refusal(f"{what} by {request.driver} refused: {why}")
+        self._events.add_refusal(f"{ask.refusal(request)}{why}")
 
     def _start(self, request: ask.Start) -> None:
         """Rise from where the joints are now."""

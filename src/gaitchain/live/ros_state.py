@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.ros import messages as ros
 from gaitchain.live.messages import Mode, Telemetry
 from gaitchain.messages import Array
@@ -142,16 +143,20 @@ def imu(t: Telemetry) -> ros.Imu | None:
     )
 
 
-def diagnostics(t: Telemetry, robot: str) -> ros.DiagnosticArray:
-    """Return what is well and what is not: robot, sensors, link, and pace of the loop.
+def diagnostics(
+    t: Telemetry, robot: str, link: LinkHealth | None = None, ignored: int = 0
+) -> ros.DiagnosticArray:
+    """Return what is well and what is not: robot, sensors, links, and pace of the loop.
 
     Args:
         t: the telemetry.
         robot: its name.
+        link: to the ROS network; None where there is none.
+        ignored: number of commands from there that were not taken.
     """
     trouble = "" if t.trouble is None else str(t.trouble)
     pace = t.pace
-    parts: tuple[tuple[str, int, str, dict[str, object]], ...] = (
+    parts: list[tuple[str, int, str, dict[str, object]]] = [
         ("mode", _LEVELS.get(t.mode, _OK), t.reason or str(t.mode), _facts(t, trouble)),
         ("sensors", _WARN if t.status else _OK, t.status or "measuring", {}),
         (
@@ -172,7 +177,11 @@ def diagnostics(t: Telemetry, robot: str) -> ros.DiagnosticArray:
                 "late, worst [s]": pace.late_max_s,
             },
         ),
-    )
+    ]
+    if link is not None:
+        level, message = _WARN if link.note else _OK, link.note or "answering"
+        lost = {"lost": link.lost, "ignored commands": ignored}
+        parts.append(("link to ROS", level, message, {"sent": link.sent, **lost}))
     status = tuple(
         ros.DiagnosticStatus(
             level,

@@ -100,6 +100,7 @@ class TelemetryBuilder:
             truth=simulator.truth() if simulator and whole else None,
             recalled=self._events.recalled(),
             events=self._events.take(),
+            refused=self._events.take_refused(),
         )
 
     def _odometry(self) -> Odometry | None:

@@ -81,6 +81,8 @@ class WalkEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.library = open_library(library)
         self.range = self.library.command_range
         self._asked = None if command is None else _command(command, self.range)
+        if not isinstance(random_world, bool):
+            raise CommandError(f"random_world {random_world!r}: need True or False")
         self._fixed, self._random_world = _fields_of(world), random_world
         self._world = world if isinstance(world, World) else None
         if world is not None:  # not at the first reset: bodies that are pushed, too

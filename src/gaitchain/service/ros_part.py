@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -50,11 +51,11 @@ def run(folder: Path, ended: threading.Event) -> None:
         state = StateTopics(link, robot, behind=behind)
         services = RosServices(link, driver.ask, DRIVER)
         names = robot.legs.joint_names
-        for telemetry in _telemetry(pilot, listener, driver.ask, ended):
-            services.take(telemetry)
+        heard = partial(_telemetry, pilot, listener, driver.ask, ended)
+        for telemetry in heard(services.take):
             driver.path.take(telemetry)
             _publish(pilot, telemetry, names)
-            state.publish(telemetry)
+            state.publish(telemetry, pilot.health(), pilot.ignored)
 
 
 class _Driver:
@@ -90,8 +91,12 @@ def _telemetry(
     listener: Listener,
     ask: Callable[[Request], bool],
     ended: threading.Event,
+    take: Callable[[Telemetry], None],
 ) -> Iterator[Telemetry]:
-    """Yield every telemetry that is due, and report what is wrong with the link."""
+    """Yield every telemetry that is due, and report what is wrong with the link.
+
+    All of it is taken, due or not.
+    """
     reported, due_s = "", -np.inf
     while not ended.is_set():
         telemetry = listener.next(_WAIT_S)
@@ -99,7 +104,10 @@ def _telemetry(
         if note != reported:
             reported = note
             ask(Note("link", f"ROS: {note or 'reached again'}"))
-        if telemetry is None or 0.0 < due_s - telemetry.time_s <= _PERIOD_S:
+        if telemetry is None:
+            continue
+        take(telemetry)
+        if 0.0 < due_s - telemetry.time_s <= _PERIOD_S:
             continue
         due_s = telemetry.time_s + _PERIOD_S - 1e-6
         yield telemetry

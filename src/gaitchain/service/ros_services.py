@@ -1,7 +1,8 @@
 """The services that ROS nodes call: start, stop, rest, reset, get up, emergency stop.
 
 Each is a std_srvs/srv/Trigger under /gaitchain. It succeeds once the robot is in the
-mode that was asked for, not when the request was sent.
+mode that was asked for, not when the request was sent, and fails with the reason where
+the loop refuses it.
 """
 
 import threading
@@ -19,6 +20,7 @@ from gaitchain.live.messages import (
     Start,
     Stop,
     Telemetry,
+    refusal,
 )
 
 WAIT_S = 3.0
@@ -53,40 +55,58 @@ class RosServices:
         self._ask, self._driver = ask, driver
         self._news = threading.Condition()
         self._latest: Telemetry | None = None
+        self._refused: dict[str, tuple[int, str]] = {}  # row and why, by service
         self._rows = 0
         for name in SERVICES:
             link.serve(f"/gaitchain/{name}", self._answer(name))
 
     def take(self, telemetry: Telemetry) -> None:
-        """Take the newest telemetry."""
+        """Take the newest telemetry, all of it, as each tells of refusals once."""
         with self._news:
             self._latest, self._rows = telemetry, self._rows + 1
+            for text in telemetry.refused:
+                self._note_refusal(text)
             self._news.notify_all()
+
+    def _note_refusal(self, text: str) -> None:
+        for name, (kind, _) in SERVICES.items():
+            begins = refusal(kind(self._driver))
+            if text.startswith(begins):
+                self._refused[name] = self._rows, text.removeprefix(begins)
 
     def _answer(self, name: str) -> Callable[[], TriggerResponse]:
         return lambda: self._call(name)
 
     def _call(self, name: str) -> TriggerResponse:
-        """Ask, and wait until the robot is in one of the modes."""
+        """Ask, and wait until the robot is in one of the modes, or it is refused."""
         kind, wanted = SERVICES[name]
+        with self._news:
+            before = self._rows
         if not self._ask(kind(self._driver)):
             return TriggerResponse(False, "the control loop takes no requests")
         with self._news:
             # The rows on their way were built before the request.
             since = self._rows + 2
             done = self._news.wait_for(
-                lambda: (
-                    self._rows > since
-                    and self._latest is not None
-                    and self._latest.mode in wanted
-                ),
-                WAIT_S,
+                lambda: self._why_not(name, before) or self._is(wanted, since), WAIT_S
             )
-            latest = self._latest
+            latest, why_not = self._latest, self._why_not(name, before)
         if latest is None:
             return TriggerResponse(False, "the control loop is silent")
+        if why_not:
+            return TriggerResponse(False, f"refused: {why_not}")
         told = f"{latest.mode}: {latest.reason}" if latest.reason else str(latest.mode)
         if done:
             return TriggerResponse(True, told)
         within = f"not carried out within {WAIT_S:g} s; the robot is {told}"
         return TriggerResponse(False, within)
+
+    def _is(self, wanted: frozenset[Mode], since: int) -> bool:
+        """Return whether the robot is in one of the modes, by a row after that one."""
+        latest = self._latest
+        return self._rows > since and latest is not None and latest.mode in wanted
+
+    def _why_not(self, name: str, since: int) -> str:
+        """Return why the loop refused a call, by a row after that one."""
+        row, why = self._refused.get(name, (0, ""))
+        return why if row > since else ""

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 
+from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.ros import RosLink
 from gaitchain.backends.ros import messages as ros
 from gaitchain.live.messages import Telemetry
@@ -36,10 +37,20 @@ class StateTopics:
             link.advertise("/robot_description", ros.String, latched=True)
             link.publish("/robot_description", ros.String(urdf_of(robot)))
 
-    def publish(self, t: Telemetry) -> None:
-        """Publish what is due; never blocks."""
+    def publish(self, t: Telemetry, health: LinkHealth, ignored: int) -> None:
+        """Publish what is due; never blocks.
+
+        Args:
+            t: the telemetry.
+            health: of the link.
+            ignored: number of commands from ROS that were not taken.
+        """
         for topic, message in self._due(t):
             self._link.publish(topic, message)
+        if not 0.0 < self._diagnostics_s - t.time_s <= _DIAGNOSTICS_S:
+            self._diagnostics_s = t.time_s + _DIAGNOSTICS_S - 1e-6
+            told = diagnostics(t, self._robot.name, health, ignored)
+            self._link.publish("/diagnostics", told)
 
     def _due(self, t: Telemetry) -> Iterator[tuple[str, ros.Message]]:
         measured = None if self._behind else imu(t)
@@ -51,6 +62,3 @@ class StateTopics:
             yield "/tf", ros.TFMessage((*self._frames.base(t), *links))
             if t.odometry is not None:
                 yield "/odom", odometry(t, t.odometry)
-        if not 0.0 < self._diagnostics_s - t.time_s <= _DIAGNOSTICS_S:
-            self._diagnostics_s = t.time_s + _DIAGNOSTICS_S - 1e-6
-            yield "/diagnostics", diagnostics(t, self._robot.name)

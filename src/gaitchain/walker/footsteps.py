@@ -5,7 +5,6 @@ Ours. A foot's place is that of its ankle on the floor, in the frame of `Walker.
 
 import math
 from collections.abc import Mapping, Sequence
-from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +13,7 @@ from gaitchain.errors import CommandError
 from gaitchain.gait.family import STAND
 from gaitchain.gait.step_target import Landing
 from gaitchain.walker.stride_generator import StrideGenerator
-from gaitchain.walker.waypoints import Place
+from gaitchain.walker.waypoints import Place, check_place
 
 _SIDES = {1.0: "left", -1.0: "right"}
 
@@ -97,7 +96,7 @@ def check_footsteps(
 
 
 def _check_kinds(steps: object) -> None:
-    """Refuse what are no footsteps; the numbers may still be infinite."""
+    """Refuse what are no footsteps, or are further than a robot is sent."""
     if not isinstance(steps, Sequence):
         raise CommandError(f"footsteps {steps!r}: give a list of Footstep")
     for number, step in enumerate(steps, start=1):
@@ -106,8 +105,7 @@ def _check_kinds(steps: object) -> None:
             raise CommandError(f"footstep {number}: {step!r} is none; {such}")
         if not isinstance(step.left, bool | np.bool_):
             raise CommandError(f"footstep {number}: left is {step.left!r}; {such}")
-        if not all(isinstance(part, Real) for part in step.place):
-            raise CommandError(f"footstep {number}: {step} has no numbers; {such}")
+        check_place(step.place, f"footstep {number}")
 
 
 def _refusal(number: int, step: Footstep, wanted: Landing, made: Landing) -> str:

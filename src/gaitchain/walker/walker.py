@@ -236,7 +236,8 @@ class Walker:
         Raises:
             CommandError: the library is of key poses, which do not measure where the
                 robot is, or the place is not finite, further than 1 km away, or in
-                a direction that the range of its commands lacks.
+                a direction that the range of its commands lacks, or the crouch is no
+                depth.
         """
         here = self.place
         if here is None:
@@ -244,7 +245,8 @@ class Walker:
                 "go_to: key poses do not measure where the robot is; it needs a "
                 "library of strides, as preset 'brisk' builds"
             )
-        _check_command(Command(crouch=crouch))
+        if not isinstance(crouch, Real) or not 0.0 <= crouch < math.inf:
+            raise CommandError(f"crouch {crouch!r}: need 0 or more [m], as 0.01")
         if not isinstance(near, Near | None):
             raise CommandError(f"near {near!r}: give Near(distance, turn), or None")
         way = Way.of(self.library, goal, near, crouch)
