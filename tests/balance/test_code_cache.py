@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,7 @@ import pytest
 from gaitchain.balance import code_cache
 from gaitchain.balance.code_cache import code_name, find_folder, source_files
 
-NOWHERE = Path("/proc/none")  # not even root can write there
+NOWHERE = Path(__file__) / "none"  # not even root can write there
 
 
 @pytest.fixture
@@ -56,17 +55,34 @@ def test_code_of_a_read_only_package_is_taken_over_by_the_user(
     assert [f.name for f in found.parent.iterdir()] == [code_name()]
 
 
-def test_where_nothing_can_be_kept_that_code_still_serves(warmed):
+@pytest.fixture
+def temporary(tmp_path, monkeypatch):
+    """The user's own folder for temporary files."""
+    if os.name == "nt":
+        pytest.skip("Windows has one for each user")
+    monkeypatch.setattr(code_cache.tempfile, "tempdir", str(tmp_path / "tmp"))
+    (tmp_path / "tmp").mkdir()
+    return tmp_path / "tmp" / f"gaitchain-{os.getuid()}"
+
+
+def test_without_a_home_it_is_kept_with_temporary_files(warmed, temporary):
     found = find_folder(warmed)
+    assert found == temporary / code_name()
     assert content(found) == {"sane.nbi": b"code"}
-    assert found.is_relative_to(tempfile.gettempdir())
+    assert temporary.stat().st_mode & 0o777 == 0o700
 
 
-def test_no_folder_at_all_is_no_error(warmed, monkeypatch, tmp_path):
-    def full(**_):
-        raise OSError(28, "No space left on device")
+def test_what_another_user_could_write_is_not_run(warmed, temporary):
+    temporary.mkdir()
+    temporary.chmod(0o777)
+    assert find_folder(warmed) is None
+    temporary.rmdir()
+    temporary.symlink_to(warmed.parent)
+    assert find_folder(warmed) is None
 
-    monkeypatch.setattr(code_cache.tempfile, "mkdtemp", full)
+
+def test_no_folder_at_all_is_no_error(warmed, temporary):
+    temporary.write_bytes(b"")
     assert find_folder(warmed) is None
     assert find_folder(NOWHERE / "__pycache__") is None
     assert "set XDG_CACHE_HOME to a folder that can" in code_cache.unkept()

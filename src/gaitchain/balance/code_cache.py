@@ -1,15 +1,15 @@
 """Where machine code is kept from one process to the next. Ours.
 
-In the package's own folder where that can be written, else in the user's cache. In an
-image that was warmed up and is run read-only, or as another user, that code is taken
-over; what cannot be written at all is compiled in each process anew.
+In the package's own folder where that can be written, else in the user's cache, else
+with temporary files. In an image that was warmed up and is run read-only, or as another
+user, that code is taken over; what cannot be written at all each process compiles.
 """
 
-import atexit
 import hashlib
 import os
 import re
 import shutil
+import stat
 import tempfile
 from contextlib import suppress
 from pathlib import Path
@@ -56,12 +56,12 @@ def find_folder(beside: Path = _HERE / "__pycache__") -> Path | None:
             if old.name != name:
                 shutil.rmtree(old, ignore_errors=True)
         return beside / name
-    warmed, kept = beside / name, user_folder()
-    if kept is not None and _can_write(kept):
-        if warmed.is_dir() and not (kept / name).exists():
-            _take_over(warmed, kept / name)
-        return kept / name
-    return _borrowed(warmed) if warmed.is_dir() else None
+    for kept in filter(None, (user_folder(), _own_folder())):
+        if _can_write(kept):
+            if (beside / name).is_dir() and not (kept / name).exists():
+                _take_over(beside / name, kept / name)
+            return kept / name
+    return None
 
 
 def user_folder() -> Path | None:
@@ -84,6 +84,22 @@ def unkept() -> str:
     )
 
 
+def _own_folder() -> Path | None:
+    """Return a folder for temporary files that nobody else may write; None without.
+
+    Machine code is run, so a folder that another user made does not do.
+    """
+    user = os.getuid() if hasattr(os, "getuid") else 0  # Windows has one for each user
+    folder = Path(tempfile.gettempdir()) / f"gaitchain-{user}"
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+    except OSError:
+        return None
+    safe = os.name == "nt" or (found.st_uid == user and not found.st_mode & 0o077)
+    return folder if safe and stat.S_ISDIR(found.st_mode) else None
+
+
 def _can_write(folder: Path) -> bool:
     """Return whether there is such a folder now that takes files."""
     try:
@@ -103,17 +119,3 @@ def _take_over(warmed: Path, folder: Path) -> None:
             part.rename(folder)
         except OSError:
             shutil.rmtree(part, ignore_errors=True)
-
-
-def _borrowed(warmed: Path) -> Path | None:
-    """Return a copy for this process, as Numba reads only where it could write."""
-    try:
-        folder = Path(tempfile.mkdtemp(prefix="gaitchain-code-"))
-    except OSError:
-        return None
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    try:
-        shutil.copytree(warmed, folder, dirs_exist_ok=True)
-    except OSError:
-        return None
-    return folder
