@@ -102,7 +102,8 @@ def load_library(path: str | Path, robot: Robot | None = None) -> GaitLibrary:
             another schema, or for another robot; the message names the difference.
     """
     file = Path(path)
-    if not file.exists() and (shipped := _SHIPPED / f"{file.stem}.gait").exists():
+    shipped = _SHIPPED / f"{file.stem}.gait"
+    if file.name == str(path) and not file.exists() and shipped.exists():
         raise LibraryError(
             f"{path}: no such file; the one that comes with gaitchain is {shipped}"
         )
