@@ -12,6 +12,14 @@ from gaitchain.cli.endings import ended_as_by_hand
 from gaitchain.errors import WorkerError
 
 
+@pytest.fixture(autouse=True)
+def heard():
+    """Tests that run in the background are told to ignore Ctrl-C."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def test_it_says_where_the_machine_code_is(capsys):
     run(["warm-up"])
     capsys.readouterr()
