@@ -13,7 +13,8 @@ GRAVITY = 9.81
 CONTROL_PERIOD_S = 0.01
 """Time between two targets of the servos [s]."""
 
-_ABSURD = 1e6  # m/s and rad/s together; more than a broken program sends by mistake
+ABSURD = 1e6
+"""Speeds that add up to this are no robot's, as NaN is none [m/s, rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class Command:
     def stops(self) -> bool:
         """Whether the robot is to stand; also where a speed is none of a robot's."""
         sizes = abs(self.vx) + abs(self.vy) + abs(self.yaw_rate)
-        return not 0.0 < sizes < _ABSURD
+        return not 0.0 < sizes < ABSURD
 
     def scaled(self, part: float) -> "Command":
         """Return the command with a part of its speeds."""

@@ -23,7 +23,7 @@ def warmed(tmp_path, monkeypatch):
     can_write = code_cache._can_write
     read_only = [beside]
     monkeypatch.setattr(
-        code_cache, "_can_write", lambda f: f not in read_only and can_write(f)
+        code_cache, "_can_write", lambda f: f.parent not in read_only and can_write(f)
     )
     monkeypatch.setenv("XDG_CACHE_HOME", str(NOWHERE))
     return beside
@@ -88,6 +88,27 @@ def test_no_folder_at_all_is_no_error(warmed, temporary):
     assert "set XDG_CACHE_HOME to a folder that can" in code_cache.unkept()
 
 
+def test_a_folder_that_another_user_made_in_it_is_passed_by(
+    warmed, tmp_path, temporary, monkeypatch
+):
+    """As after `sudo gaitchain warm-up`, which has the user's home."""
+    home = tmp_path / "home"
+    monkeypatch.setenv("XDG_CACHE_HOME", str(home))
+    (home / "gaitchain").mkdir(parents=True)
+    (home / "gaitchain" / code_name()).write_bytes(b"")  # no folder for this one
+    assert find_folder(warmed) == temporary / code_name()
+
+
+def test_other_installs_keep_their_code_in_the_users_cache(
+    warmed, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    other = tmp_path / "gaitchain" / "numba-0123456789ab"
+    other.mkdir(parents=True)
+    find_folder(warmed)
+    assert other.is_dir()
+
+
 def test_a_user_without_a_home_is_no_error(monkeypatch):
     def homeless():
         raise RuntimeError("Could not determine home directory.")
@@ -95,7 +116,7 @@ def test_a_user_without_a_home_is_no_error(monkeypatch):
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     monkeypatch.setattr(code_cache.Path, "home", homeless)
     assert code_cache.user_folder() is None
-    assert "__pycache__ cannot be written" in code_cache.unkept()
+    assert "__pycache__ nor a folder" in code_cache.unkept()
 
 
 DOUBLED = """

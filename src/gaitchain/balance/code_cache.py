@@ -51,16 +51,18 @@ def find_folder(beside: Path = _HERE / "__pycache__") -> Path | None:
         beside: the package's own.
     """
     name = code_name()
-    if _can_write(beside):
-        for old in beside.glob("numba-*"):  # of sources that are no longer there
-            if old.name != name:
-                shutil.rmtree(old, ignore_errors=True)
-        return beside / name
-    for kept in filter(None, (user_folder(), _own_folder())):
-        if _can_write(kept):
-            if (beside / name).is_dir() and not (kept / name).exists():
-                _take_over(beside / name, kept / name)
-            return kept / name
+    warmed = beside / name
+    for find in (lambda: beside, user_folder, _own_folder):
+        kept = find()
+        if kept is None:
+            continue
+        folder = kept / name
+        if warmed.is_dir() and not folder.exists():
+            _take_over(warmed, folder)
+        if _can_write(folder):
+            if kept == beside:  # the user's is that of all installs
+                _drop_others(kept, name)
+            return folder
     return None
 
 
@@ -79,8 +81,9 @@ def unkept() -> str:
     """Return the text that says why nothing is kept, and what to do."""
     where = [str(_HERE / "__pycache__"), *map(str, filter(None, [user_folder()]))]
     return (
-        f"machine code is not kept, as {' and '.join(where)} cannot be written: each "
-        "process compiles for a minute or more; set XDG_CACHE_HOME to a folder that can"
+        f"machine code is not kept, as neither {', '.join(where)} nor a folder for "
+        "temporary files can be written: each process compiles for a minute or more; "
+        "set XDG_CACHE_HOME to a folder that can"
     )
 
 
@@ -110,9 +113,17 @@ def _can_write(folder: Path) -> bool:
     return True
 
 
+def _drop_others(kept: Path, name: str) -> None:
+    """Remove machine code of sources that are no longer there."""
+    for old in kept.glob("numba-*"):
+        if old.name != name:
+            shutil.rmtree(old, ignore_errors=True)
+
+
 def _take_over(warmed: Path, folder: Path) -> None:
     """Copy machine code, unless another process was faster or there is no room."""
     with suppress(OSError):
+        folder.parent.mkdir(parents=True, exist_ok=True)
         part = Path(tempfile.mkdtemp(dir=folder.parent, prefix=".part-"))
         try:
             shutil.copytree(warmed, part, dirs_exist_ok=True)

@@ -38,7 +38,7 @@ _folder = find_folder() if _numba else None
 COMPILED = _numba is not None
 """Whether the control step is machine code."""
 _functions: list[Any] = []
-_lost: list[OSError] = []
+_lost: list[str] = []
 
 
 class Compilation(NamedTuple):
@@ -74,8 +74,8 @@ def cache_trouble() -> str:
     if not _lost:
         return ""
     return (
-        f"{_folder}: machine code cannot be kept: {_lost[-1].strerror}; it takes some "
-        "12 MiB: make room, or set XDG_CACHE_HOME to another folder"
+        f"{_folder}: machine code cannot be kept: {_lost[-1]}; it takes some 12 "
+        "MiB: make room, or set XDG_CACHE_HOME to another folder"
     )
 
 
@@ -95,6 +95,8 @@ def _keep(dispatcher: Any, function: Callable[..., Any]) -> None:
     before, _numba.config.CACHE_DIR = _numba.config.CACHE_DIR, str(_folder)
     try:
         dispatcher._cache = _forgiving_cache()(function)
+    except RuntimeError as error:  # what is in the folder is another user's
+        _lost.append(str(error))
     finally:
         _numba.config.CACHE_DIR = before
 
@@ -109,7 +111,7 @@ def _forgiving_cache() -> type[Any]:
             try:
                 super().save_overload(sig, data)  # type: ignore[no-untyped-call]
             except OSError as error:
-                _lost.append(error)
+                _lost.append(error.strerror or str(error))
 
     return Forgiving
 

@@ -81,7 +81,8 @@ def _run_verb(options: Any) -> int:
         # Imported here, so that each verb loads only its own heavy packages.
         console = import_module("gaitchain.cli.console")
         verb = import_module(f"gaitchain.cli.{name.replace('-', '_')}")
-        _tell_of_compilation()
+        if name != "warm-up":  # which fails of it
+            _tell_of_compilation()
         talks = name in _TALKS
         with (
             ended_as_by_hand(once=talks),

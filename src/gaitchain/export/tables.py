@@ -15,7 +15,7 @@ from gaitchain.gait import command_range
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.stride.strides import StridePoses
-from gaitchain.messages import GRAVITY, Array
+from gaitchain.messages import ABSURD, GRAVITY, Array
 from gaitchain.walker import (
     generator,
     sensor_check,
@@ -60,6 +60,7 @@ def constants(library: GaitLibrary, poses: int) -> str:
         for name in names.split()
     }
     found |= {
+        "ABSURD": ABSURD,
         "GRAVITY": GRAVITY,
         "TAU": 2.0 * np.pi,
         "STANDING_POSE": STAND,

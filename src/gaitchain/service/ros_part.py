@@ -1,9 +1,8 @@
 """The part that takes commands from ROS 2, publishes the state, and serves calls."""
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -51,8 +50,8 @@ def run(folder: Path, ended: threading.Event) -> None:
         state = StateTopics(link, robot, behind=behind)
         services = RosServices(link, driver.ask, DRIVER)
         names = robot.legs.joint_names
-        heard = partial(_telemetry, pilot, listener, driver.ask, ended)
-        for telemetry in heard(services.take):
+        due = _due(pilot, _heard(listener, services.take, ended), driver.ask)
+        for telemetry in due:
             driver.path.take(telemetry)
             _publish(pilot, telemetry, names)
             state.publish(telemetry, pilot.health(), pilot.ignored)
@@ -86,28 +85,30 @@ class _Driver:
         self._walks = asks
 
 
-def _telemetry(
-    pilot: RosPilot,
-    listener: Listener,
-    ask: Callable[[Request], bool],
-    ended: threading.Event,
-    take: Callable[[Telemetry], None],
-) -> Iterator[Telemetry]:
-    """Yield every telemetry that is due, and report what is wrong with the link.
-
-    All of it is taken, due or not.
-    """
-    reported, due_s = "", -np.inf
+def _heard(
+    listener: Listener, take: Callable[[Telemetry], None], ended: threading.Event
+) -> Iterator[Telemetry | None]:
+    """Yield all telemetry, which is taken first; None after each silence."""
     while not ended.is_set():
         telemetry = listener.next(_WAIT_S)
+        if telemetry is not None:
+            take(telemetry)
+        yield telemetry
+
+
+def _due(
+    pilot: RosPilot,
+    heard: Iterable[Telemetry | None],
+    ask: Callable[[Request], bool],
+) -> Iterator[Telemetry]:
+    """Yield every telemetry that is due, and report what is wrong with the link."""
+    reported, due_s = "", -np.inf
+    for telemetry in heard:
         note = pilot.health().note
         if note != reported:
             reported = note
             ask(Note("link", f"ROS: {note or 'reached again'}"))
-        if telemetry is None:
-            continue
-        take(telemetry)
-        if 0.0 < due_s - telemetry.time_s <= _PERIOD_S:
+        if telemetry is None or 0.0 < due_s - telemetry.time_s <= _PERIOD_S:
             continue
         due_s = telemetry.time_s + _PERIOD_S - 1e-6
         yield telemetry

@@ -36,7 +36,7 @@ ${functions}
 
 static bool stops(const gait_command *command) {
     const double sizes = fabs(command->vx) + fabs(command->vy) + fabs(command->yaw_rate);
-    return !(sizes > 0.0 && sizes < 1e6);
+    return !(sizes > 0.0 && sizes < ABSURD);
 }
 
 /* gaitchain.gait.command_range.CommandRange */
