@@ -11,6 +11,7 @@ import gaitchain
 from gaitchain.cli.endings import ended_as_by_hand
 from gaitchain.cli.options import verb_of
 from gaitchain.cli.parser import parse
+from gaitchain.cli.streams import say_aside, told_of_lost, written_to
 from gaitchain.errors import GaitchainError, needed_by, require
 
 EXIT_OK, EXIT_FELL, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
@@ -56,25 +57,24 @@ def run(arguments: Sequence[str]) -> int:
     Returns:
         The exit code.
     """
-    if list(arguments) == ["--version"]:
-        print(f"gaitchain {gaitchain.__version__}")
-        return EXIT_OK
     try:
-        return _run_verb(parse(arguments))
+        with told_of_lost():
+            return _run_verb(arguments)
     except GaitchainError as error:
-        print(f"gaitchain: {error}", file=sys.stderr)
+        say_aside(f"gaitchain: {error}")
         return EXIT_BAD_INPUT
     except KeyboardInterrupt:
-        print("gaitchain: interrupted", file=sys.stderr)
+        say_aside("gaitchain: interrupted")
         return EXIT_INTERRUPTED
-    except BrokenPipeError:
-        # The reader of the output has ended, as in `gaitchain inspect res | head`.
-        sys.stderr.close()
-        return EXIT_OK
 
 
-def _run_verb(options: Any) -> int:
+def _run_verb(arguments: Sequence[str]) -> int:
     """Load a verb and run it; return the exit code."""
+    if list(arguments) == ["--version"]:
+        with written_to(sys.stdout):
+            print(f"gaitchain {gaitchain.__version__}")
+        return EXIT_OK
+    options = parse(arguments)
     name = verb_of(type(options))
     require(f"`{name}`", extras_of(options))
     with needed_by(f"`{name}`"):
@@ -98,7 +98,7 @@ def _tell_of_compilation() -> None:
     """Say on standard error if all is compiled anew each time, for a verb that does."""
     compiled = sys.modules.get("gaitchain.balance.compiled")
     if compiled is not None and (why := compiled.cache_trouble()):
-        print(f"gaitchain: {why}", file=sys.stderr)
+        say_aside(f"gaitchain: {why}")
 
 
 def extras_of(options: Any) -> list[str]:

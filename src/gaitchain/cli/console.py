@@ -27,6 +27,7 @@ from rich.text import Text
 from gaitchain.build.progress import Progress
 from gaitchain.cli.endings import interrupts_kept
 from gaitchain.cli.options import ReportOptions
+from gaitchain.cli.streams import say_aside, written_to
 from gaitchain.errors import CommandError, UnfinishedError, file_errors
 from gaitchain.gait.file_kind import Kind, kind_of
 from gaitchain.robot.whole_file import resolved
@@ -124,7 +125,7 @@ def print_table(
         table.add_column(head, justify=side, overflow="fold", no_wrap=first)
     for row in rows:
         table.add_row(*map(Text, row))
-    _console().print(table)
+    _print(table)
 
 
 def say(text: str) -> None:
@@ -135,11 +136,19 @@ def say(text: str) -> None:
 
 def print_line(text: str) -> None:
     """Print a line that needs an answer, even if output is muted."""
-    _console().print(text, highlight=False, markup=False, soft_wrap=True)
+    _print(text, highlight=False, markup=False, soft_wrap=True)
 
 
-def _console() -> Console:
-    return Console(stderr=_output.get().aside)
+def _print(what: Table | str, **how: Any) -> None:
+    aside = _output.get().aside
+    with written_to(sys.stderr if aside else sys.stdout):
+        _Console(stderr=aside).print(what, **how)
+
+
+class _Console(Console):
+    def on_broken_pipe(self) -> None:
+        """Leave it to `written_to`: Rich itself would end the command."""
+        raise BrokenPipeError
 
 
 @contextmanager
@@ -175,7 +184,7 @@ def _shown() -> Iterator[Progress]:
             BarColumn(),
             MofNCompleteColumn(),
             TimeRemainingColumn(elapsed_when_finished=True),
-            console=Console(stderr=True),
+            console=_Console(stderr=True),
         )
         tasks: dict[str, Any] = {}
 
@@ -202,7 +211,7 @@ def _lines() -> Progress:
             tenths[stage] = tenth
             minutes, seconds = divmod(int(time.monotonic() - began_s), 60)
             since = f"{minutes:3d}:{seconds:02d}"
-            print(f"{since} {stage}: {done} of {total}", file=sys.stderr, flush=True)
+            say_aside(f"{since} {stage}: {done} of {total}")
 
     return show
 
@@ -224,7 +233,8 @@ def write_json(path: Path, value: Any) -> None:
     """
     text = json.dumps(plain_json(value), indent=2, allow_nan=False)
     if path == _STDOUT:
-        print(text)
+        with written_to(sys.stdout):
+            print(text)
         return
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

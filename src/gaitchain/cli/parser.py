@@ -8,11 +8,12 @@ import re
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import fields, is_dataclass, replace
-from typing import Any, Literal, cast, get_args, get_origin
+from typing import Any, Literal, TextIO, cast, get_args, get_origin
 
 import tyro
 
 from gaitchain.cli.options import VERBS, Options
+from gaitchain.cli.streams import written_to
 from gaitchain.errors import CommandError
 from gaitchain.gait.limits import Limits, declared, exact
 
@@ -42,20 +43,28 @@ def parse(arguments: Sequence[str]) -> Options:
     # tyro checks only the terminal, not NO_COLOR, before it colours its help.
     plain = answer if os.environ.get("NO_COLOR") else sys.stdout
     try:
-        with contextlib.redirect_stderr(complaint), contextlib.redirect_stdout(plain):
-            options = tyro.extras.subcommand_cli_from_dict(
-                {**VERBS},
-                prog="gaitchain",
-                description=_DESCRIPTION,
-                args=words,
-                config=(tyro.conf.DisallowNone,),  # what is left out is not given
-            )
+        with written_to(sys.stdout), contextlib.redirect_stderr(complaint):
+            options = _read(words, plain)
+            _check_numbers(options)
+            return options
     except SystemExit as stop:
-        if not stop.code:
+        if stop.code:
+            raise CommandError(_complaint(complaint.getvalue(), words[0])) from None
+        with written_to(sys.stdout):
             print(answer.getvalue(), end="")
-            raise
-        raise CommandError(_complaint(complaint.getvalue(), words[0])) from None
-    _check_numbers(options)
+    raise SystemExit(0)  # after help
+
+
+def _read(words: Sequence[str], shown: TextIO) -> Options:
+    """Let tyro read the words, or write its help to a stream."""
+    with contextlib.redirect_stdout(shown):
+        options = tyro.extras.subcommand_cli_from_dict(
+            {**VERBS},
+            prog="gaitchain",
+            description=_DESCRIPTION,
+            args=words,
+            config=(tyro.conf.DisallowNone,),  # what is left out is not given
+        )
     return cast(Options, options)
 
 
