@@ -123,6 +123,22 @@ def file_errors(path: object, what: str, kind: type[GaitchainError]) -> Iterator
         raise kind(f"{path}: cannot be {what}: {reason}") from None
 
 
+def printable(text: str) -> str:
+    """Return a text in one line, with spaces for what a terminal would obey."""
+    return "".join(char if char.isprintable() else " " for char in text)
+
+
+def short_name(name: str, most: int = 60) -> str:
+    """Return a name from a foreign file so that messages and tables can hold it.
+
+    Args:
+        name: as it is in the file.
+        most: characters; the rest of a longer name is left out.
+    """
+    line = printable(name[: most + 1])
+    return line if len(line) <= most else f"{line[: most - 3]}..."
+
+
 def names_apart(given: Iterable[str], wanted: Iterable[str]) -> str:
     """Return which names are missing and which are unknown, for a message.
 

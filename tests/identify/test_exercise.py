@@ -4,6 +4,7 @@ import json
 import os
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -123,6 +124,15 @@ def test_absurd_values_are_refused_by_name(short, tmp_path, column, said):
     save_log(short, tmp_path / "a.log")
     with pytest.raises(LogError, match=said):
         load_log(tmp_path / "a.log")
+
+
+def test_a_name_in_a_log_is_one_short_line_that_no_terminal_obeys(short, tmp_path):
+    evil = replace(short, robot="evil\x1b[31m\n" + "x" * 100_000)
+    save_log(evil, tmp_path / "a.log")
+    name = load_log(tmp_path / "a.log").robot
+    assert name.startswith("evil [31m xxx")
+    assert name.endswith("x...")
+    assert len(name) == 60
 
 
 def rewritten(log, path, change):

@@ -20,7 +20,7 @@ from gaitchain.discover.linkages import fold_linkages
 from gaitchain.discover.repair import repair
 from gaitchain.discover.tendons import fold_tendons
 from gaitchain.discover.urdf import read_speeds, read_urdf
-from gaitchain.errors import RobotFileError
+from gaitchain.errors import RobotFileError, short_name
 
 _MEGABYTE = 1_000_000
 _MAX_BYTES = 50 * _MEGABYTE  # of all XML files of a robot together
@@ -102,7 +102,7 @@ def load_model(robot: str | Path) -> RobotModel:
             f"{origin}: MuJoCo refuses it: {_line(error)}{hint}"
         ) from None
     unnamed = spec.modelname in ("", "MuJoCo Model")
-    name = path.stem if unnamed else spec.modelname
+    name = short_name(path.stem if unnamed else spec.modelname)
     return RobotModel(name, origin, spec, model, tuple(notes), speeds or {}, balls)
 
 

@@ -18,7 +18,7 @@ from gaitchain.balance.state import Foot, GaitState, seen_from
 from gaitchain.balance.state_estimation import turn_trunk
 from gaitchain.balance.support_foot import measured_step
 from gaitchain.balance.walk_controller import WalkController
-from gaitchain.errors import ExportError
+from gaitchain.errors import ExportError, printable
 from gaitchain.export.c_literals import literal
 from gaitchain.export.c_types import REAL, Array
 from gaitchain.export.program import Program
@@ -147,8 +147,7 @@ def _held(held: Mapping[str, float]) -> str:
 
 def _told(name: str) -> str:
     """Return a name in one line that begins or ends no comment, and has no trigraph."""
-    shown = "".join(char if char.isprintable() else " " for char in name)
-    return re.sub(r"(?<=[*/?])(?=[*/?])", " ", shown)
+    return re.sub(r"(?<=[*/?])(?=[*/?])", " ", printable(name))
 
 
 def _filled(name: str, facts: Mapping[str, Any]) -> str:

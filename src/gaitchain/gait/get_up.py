@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from gaitchain.errors import LibraryError, file_errors
+from gaitchain.errors import LibraryError, file_errors, short_name
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
 from gaitchain.robot.whole_file import read_file, replace_file
@@ -124,7 +124,8 @@ def load_get_up(file: str | Path, robot: Robot) -> GetUp:
     found = _decoded(file)
     if found.fingerprint != robot.fingerprint:
         raise LibraryError(
-            f"{file}: of another robot ({found.robot}), the library is of {robot.name}"
+            f"{file}: of another robot ({short_name(found.robot)}), the library is of "
+            f"{robot.name}"
         )
     return found
 

@@ -13,7 +13,7 @@ import numpy as np
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from gaitchain.errors import LogError, file_errors
+from gaitchain.errors import LogError, file_errors, short_name
 from gaitchain.gait.file_kind import other_kind
 from gaitchain.live.exercise import Motion, Support
 from gaitchain.messages import Array
@@ -185,7 +185,8 @@ def _checked(header: _Header, arrays: dict[str, Any]) -> ExerciseLog:
         of = f"_{i}"
         own = {n.removesuffix(of): a for n, a in arrays.items() if n.endswith(of)}
         parts.append(_part_of(support, own, len(names), period_s))
-    return ExerciseLog(header.robot, header.fingerprint, names, period_s, tuple(parts))
+    robot, fingerprint = short_name(header.robot), short_name(header.fingerprint)
+    return ExerciseLog(robot, fingerprint, names, period_s, tuple(parts))
 
 
 def _part_of(

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gaitchain.errors import RobotFileError
+from gaitchain.errors import RobotFileError, short_name
 
 _DEGREE = math.pi / 180.0
 _MISTAKEN = {"m": ("lengths", "mm"), "kg": ("masses", "g")}
@@ -116,7 +116,7 @@ def parse_biped(table: Mapping[str, Any], origin: str) -> ReducedBiped:
         raise RobotFileError(f"{origin}: name = {name!r}: expected a non-empty string")
     values = {k: _number(table, k, meta, origin) for k, meta in quantities.items()}
     sources = {k: str(table[k].get("source", "unsaid")) for k in quantities}
-    biped = ReducedBiped(name=name, sources=sources, **values)
+    biped = ReducedBiped(name=short_name(name), sources=sources, **values)
     _check_sole(biped, origin)
     return biped
 

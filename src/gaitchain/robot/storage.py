@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.errors import names_apart
+from gaitchain.errors import names_apart, short_name
 from gaitchain.robot.box_robot import box_robot
 from gaitchain.robot.identified import identified_from
 from gaitchain.robot.leg_model import legs_from
@@ -78,7 +78,7 @@ def _of_file(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Ro
             raise ValueError(
                 f"{name} of the robot is {given[name]!r:.80}, must be above 0"
             )
-    reduced = ReducedBiped(name=str(facts["name"]), sources={}, **numbers)
+    reduced = ReducedBiped(name=short_name(str(facts["name"])), sources={}, **numbers)
     if facts.get("anatomy") is None:
         return box_robot(reduced)
     own = {
