@@ -120,6 +120,15 @@ def test_angles_in_degrees_are_refused(good, tmp_path, capsys):
         assert list(tmp_path.iterdir()) == [path]
 
 
+def test_of_several_logs_the_one_that_is_wrong_is_named(good, tmp_path, capsys):
+    right, wrong = tmp_path / "right.log", tmp_path / "wrong.log"
+    save_log(log_with(good), right)
+    save_log(replace(log_with(good), joint_names=NAMES[::-1]), wrong)
+    out = str(tmp_path / "a.gait")
+    assert run(["identify", "res", str(right), str(wrong), "-o", out]) == 2
+    assert f"gaitchain: {wrong}: joint 1 of the log is" in capsys.readouterr().err
+
+
 def test_a_few_spoilt_rows_are_no_degrees(good):
     joints = good.measured.joint_position.copy()
     joints[::20] = 100.0
@@ -137,6 +146,26 @@ def test_an_imu_without_gravity_is_refused(scale, said, good):
         fit_logs(RES, [log_with(part)], 1, quiet)
     none = np.full_like(felt, np.nan)
     check_units(RES.legs, [MotionLog(HELD, replace(good.measured, acceleration=none))])
+
+
+def mounted(part, axes):
+    """The same motion, by an accelerometer whose axes are the trunk's in a matrix."""
+    felt = part.measured.acceleration @ np.array(axes, dtype=float)
+    return replace(part, measured=replace(part.measured, acceleration=felt))
+
+
+@pytest.mark.parametrize(
+    ("axes", "said"),
+    [
+        ([[1, 0, 0], [0, -1, 0], [0, 0, -1]], "-z, 1[78][0-9] deg from its z"),
+        ([[0, 0, -1], [0, 1, 0], [1, 0, 0]], r"\+x, [89][0-9] deg from its z"),
+    ],
+)
+def test_an_imu_that_is_mounted_otherwise_is_refused(axes, said, good):
+    """Upside down, and turned by 90 deg; the length of gravity is the same."""
+    check_units(RES.legs, [good])
+    with pytest.raises(LogError, match=f"{said}.* 'held up', and at most 45 can be"):
+        check_units(RES.legs, [mounted(good, axes)])
 
 
 @pytest.fixture(scope="module", params=[1, 10])

@@ -19,8 +19,9 @@ from gaitchain.backends.dynamixel.imu import BusImu
 from gaitchain.backends.dynamixel.make import make_named
 from gaitchain.backends.dynamixel.search import opened
 from gaitchain.cli.console import print_table, say
-from gaitchain.commission.imu import READS, implausible, tilt_deg
+from gaitchain.commission.imu import READS, implausible
 from gaitchain.messages import Array
+from gaitchain.walker.upright import tilt_deg
 
 _HEADS = (
     *("joint", "id", "model", "at [deg]", "from", "to"),

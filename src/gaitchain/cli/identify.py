@@ -59,7 +59,7 @@ def run(options: Identify) -> tuple[int, dict[str, Any]]:
     check_files(written, [Path(options.library), *options.logs])
     if options.picture is not None:
         check_picture(options.picture)
-    checked_parts(library.robot, logs)  # before a journal is begun
+    _check(library.robot, options.logs, logs)  # before a journal is begun
     journal = _begun(options, library)
     fit, fitted = _identified(options, library, logs, journal)
     save_library(fitted, options.output)
@@ -126,6 +126,30 @@ def _logs(paths: Sequence[Path]) -> list[ExerciseLog]:
                 f"{paths[i]}: the same log as {paths[first]}; it tells things only once"
             )
     return logs
+
+
+def _check(robot: Robot, paths: Sequence[Path], logs: Sequence[ExerciseLog]) -> None:
+    """Refuse logs that cannot be fitted, and name the file of the one that cannot be.
+
+    Raises:
+        LogError: one cannot; without a file where it is what none of them has.
+    """
+    try:
+        checked_parts(robot, logs)
+    except LogError as error:
+        for path, log in zip(paths, logs, strict=True):
+            if _fault(robot, log) == str(error):
+                raise LogError(f"{path}: {error}") from None
+        raise
+
+
+def _fault(robot: Robot, log: ExerciseLog) -> str:
+    """Return why a log cannot be fitted; empty if it can be."""
+    try:
+        checked_parts(robot, [log])
+    except LogError as error:
+        return str(error)
+    return ""
 
 
 def _figures(fitted: GaitLibrary, fit: Fit) -> dict[str, Any]:

@@ -8,11 +8,11 @@ from gaitchain.backends.base import Backend
 from gaitchain.commission.bench import Bench, Fault, Verdict, no_go
 from gaitchain.live.clock import Pacer
 from gaitchain.messages import GRAVITY, Array
+from gaitchain.walker.upright import MOST_TILT_DEG, nearest_axis, tilt_deg
 
 READS = 25
 _LEAST_READS = 5  # that tell a stuck IMU
 _OFF = 1.0  # m/s^2; a robot held by hand sways a little
-_MOST_TILT = 45.0  # deg; a walk counts 50 as a fall
 _MOST_RATE = 5.0  # deg/s; larger than the bias of a gyro
 _LEAST_TIP_DEG = 8.0
 _GYRO_OFF = 0.3  # part of a tip that the gyro may miss: hands do not turn it evenly
@@ -135,12 +135,6 @@ def stuck(came: Array) -> list[Fault]:
     return [Fault(said, _STUCK_TODO)]
 
 
-def tilt_deg(pulling: Array) -> float:
-    """Return the angle between an acceleration (3,) and the trunk's z [deg]."""
-    size = max(float(np.linalg.norm(pulling)), 1e-9)
-    return math.degrees(math.acos(min(max(float(pulling[2]) / size, -1.0), 1.0)))
-
-
 def implausible(turning: Array, pulling: Array) -> list[Fault]:
     """Describe signals that are impossible at rest and upright, and what to check.
 
@@ -159,8 +153,8 @@ def implausible(turning: Array, pulling: Array) -> list[Fault]:
                 "moves the robot",
             )
         )
-    elif tilt > _MOST_TILT:
-        where = _direction(pulling)
+    elif tilt > MOST_TILT_DEG:
+        where = nearest_axis(pulling)
         wrong.append(
             Fault(
                 f"up is near the trunk's {where}, {tilt:.0f} deg from its z",
@@ -188,8 +182,8 @@ def _tipped(how: str, axis: int, sign: int, pulling: Array) -> list[Fault]:
         said = f"tipped {how}, it shows {tilt_deg(pulling):.0f} deg"
         least = f"tip it by {_LEAST_TIP_DEG:g} deg at least"
         return [Fault(said, f"begin again with --from imu, and {least}")]
-    if _direction(flat) != wanted:
-        said = f"tipped {how}, gravity shows at {_direction(flat)}, not at {wanted}"
+    if nearest_axis(flat) != wanted:
+        said = f"tipped {how}, gravity shows at {nearest_axis(flat)}, not at {wanted}"
         return [Fault(said, _AXES_TODO)]
     return []
 
@@ -217,9 +211,3 @@ def _turned(how: str, before: Array, after: Array, angle: Array) -> list[Fault]:
         f"{100 * _GYRO_OFF:.0f} % is right"
     )
     return [Fault(said, _GYRO_TODO)]
-
-
-def _direction(vector: Array) -> str:
-    """Return the axis along which a vector is longest, with its sign."""
-    most = int(np.argmax(np.abs(vector)))
-    return f"{'-' if vector[most] < 0.0 else '+'}{_AXES[most]}"

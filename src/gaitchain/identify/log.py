@@ -28,6 +28,7 @@ _COLUMNS = (
 _LATE = 3.0  # periods by which rows may be late; beyond, `live.clock` leaves some out
 _MALFORMED = SafetensorError, ValueError, OverflowError, RecursionError
 _LEAST_S = 2.0
+_MOST_TIME_S = 1e10  # since some beginning, as 1970; beyond, differences lose ms
 _MOST_BYTES = 64_000_000  # a minute at 1 kHz has 15
 
 
@@ -223,6 +224,8 @@ def _check_column(name: str, column: Any, rows: int, joints: int) -> None:
             f"{name} has shape {column.shape}, must be {shape}, by the {rows} rows of "
             f"target and {joints} joint_names"
         )
-    most = np.abs(column[np.isfinite(column)]).max(initial=0.0)
-    if name != "time_s" and most > ABSURD:
-        raise ValueError(f"{name} has a value of {most:.3g}, at most {ABSURD:g}")
+    # NaN alone is no measurement; infinity is one that cannot be.
+    found = np.abs(column[~np.isnan(column)]).max(initial=0.0)
+    most = _MOST_TIME_S if name == "time_s" else ABSURD
+    if found > most:
+        raise ValueError(f"{name} has a value of {found:.3g}, at most {most:g}")

@@ -9,13 +9,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gaitchain.errors import LogError
+from gaitchain.errors import LogError, short_name
 from gaitchain.identify.gyro_check import BEYOND_DEG, TIMES, turns
 from gaitchain.identify.log import MotionLog
 from gaitchain.identify.parameters import USUAL_PLAY_RAD
 from gaitchain.messages import GRAVITY, Array
 from gaitchain.robot.leg_model import LegModel
 from gaitchain.robot.robot import Robot
+from gaitchain.walker.upright import MOST_TILT_DEG, nearest_axis, tilt_deg
 
 _MEASURED = 0.5  # of the rows of a motion, of each joint
 _FOLLOWED = 0.25  # of a target's motion: soft, worn servos that stand show half of it
@@ -48,8 +49,8 @@ def check_names(robot: Robot, found: Sequence[str]) -> None:
     for i, (name, own) in enumerate(zip(found, wanted, strict=True), start=1):
         if name != own:
             raise LogError(
-                f"joint {i} of the log is {name!r}, of {robot.name} it is {own!r}; the "
-                f"order is {', '.join(wanted)}"
+                f"joint {i} of the log is {short_name(name)!r}, of {robot.name} "
+                f"it is {own!r}; the order is {', '.join(wanted)}"
             )
 
 
@@ -144,15 +145,31 @@ def _check_angles(legs: LegModel, part: MotionLog, what: str, angles: Array) -> 
 
 
 def _check_gravity(part: MotionLog) -> None:
-    felt = np.linalg.norm(part.measured.acceleration, axis=1)
-    felt = felt[np.isfinite(felt)]
-    middle = float(np.median(felt)) if felt.size else GRAVITY
+    felt = part.measured.acceleration
+    felt = felt[np.isfinite(felt).all(axis=1)]
+    if not len(felt):
+        return
+    middle = float(np.median(np.linalg.norm(felt, axis=1)))
     if abs(middle - GRAVITY) > _OFF * GRAVITY:
         low, high = (1.0 - _OFF) * GRAVITY, (1.0 + _OFF) * GRAVITY
         raise LogError(
             f"the accelerometer shows {middle:.3g} m/s^2 in the motion {_of(part)!r}, "
             f"gravity is {GRAVITY:g}, and {low:.3g} to {high:.3g} can be; give its "
             "values in m/s^2, and NaN for an IMU that there is not"
+        )
+    _check_upright(part, felt.mean(axis=0))
+
+
+def _check_upright(part: MotionLog, pulling: Array) -> None:
+    """Look at an acceleration (3,): a trunk stands, or is held level by hand."""
+    tilt = tilt_deg(pulling)
+    if tilt > MOST_TILT_DEG:
+        raise LogError(
+            f"up is near the trunk's {nearest_axis(pulling)}, {tilt:.0f} deg from its "
+            f"z, by the accelerometer in the motion {_of(part)!r}, and at most "
+            f"{MOST_TILT_DEG:g} can be of a trunk that stands or is held level; "
+            "correct imu.axes in the calibration until `gaitchain calibrate --check` "
+            "agrees, and exercise again"
         )
 
 
