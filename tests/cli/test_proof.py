@@ -56,7 +56,9 @@ def proven(tmp_path_factory):
         patch.setattr(push, "_RUN_IN_S", 2.0)
         patch.setattr(push, "_AFTER_S", 2.0)
         patch.setattr(measures, "_STOPS", 1)
-        return run(words), out, json.loads(report.read_text())
+        with (folder / "said.txt").open("w") as said, contextlib.redirect_stdout(said):
+            code = run(words)
+        return code, out, json.loads(report.read_text())
 
 
 @pytest.mark.slow
@@ -68,6 +70,19 @@ def test_the_verdict_is_in_the_library_and_the_report(proven):
     assert facts["total"]["falls"] == 0
     assert facts["bound"] == 0.05
     assert not list(out.parent.glob("*.jsonl")), "the journal is removed"
+
+
+@pytest.mark.slow
+def test_no_two_rows_of_the_table_have_one_name_and_chosen_walks_are_told_apart(proven):
+    _, out, facts = proven
+    said = (out.parent / "said.txt").read_text()
+    rows = [line.split("│")[1:3] for line in said.splitlines() if "│" in line]
+    walks = {name.strip(): number.strip() for name, number in rows}
+    assert len(walks) == len(rows)
+    apart = {name for name, number in walks.items() if number.endswith(" + 1")}
+    assert len(apart) == len(facts["chosen"]["names"]) > 0
+    assert "friction, all levels" in walks
+    assert "of their own world or model alone, as" in " ".join(said.split())
 
 
 class Text(HTMLParser):

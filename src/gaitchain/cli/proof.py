@@ -1,18 +1,19 @@
 """`gaitchain qualify --bound`: show that a library falls less often than a bound."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from gaitchain.build.journal import Journal
+from gaitchain.build.push import impulse_scale
 from gaitchain.cli.cluster import journaled_crew
 from gaitchain.cli.console import make_folder, print_table, say
 from gaitchain.cli.options import Qualify
 from gaitchain.cli.tried import as_kept, tried
 from gaitchain.errors import LibraryError
-from gaitchain.figures.proof_report import write_report
+from gaitchain.figures.proof_report import named_strata, walk_count, write_report
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, load_library, save_library
 from gaitchain.gait.qualification import EarlierCriterion, ProofReport, Stratum
@@ -31,6 +32,7 @@ from gaitchain.proof.step_strata import SELDOM
 from gaitchain.walker.walker import Walker
 
 _NEED = "{} steps without a fall would do, in walks of {} steps; at most {} are walked"
+_APART = 'They are in the rows of their own world or model alone, as "+ 1".'
 
 
 def prove_bound(
@@ -132,12 +134,12 @@ def _remembering(
 
 def _show(library: GaitLibrary, report: ProofReport) -> None:
     heads = "walks", "number", "steps", "falls", "falls per step"
-    of_all = [report.total, *report.contacts, *report.kinds, *report.worlds]
+    named = named_strata(library, report, impulse_scale(library)[2])
     length = walk_length(library, report)
     title = f"{library.robot.name}, random schedules of {length}"
-    print_table(title, heads, _rows(of_all))
+    print_table(title, heads, (_row(name, s, report) for name, s in named))
     if report.chosen:
-        say(describe_chosen(report.chosen))
+        say(f"{describe_chosen(report.chosen)} {_APART}")
     steps = report.steps
     say(
         f"steps of the chain that were walked: {steps.walked} of {steps.allowed}, "
@@ -147,14 +149,11 @@ def _show(library: GaitLibrary, report: ProofReport) -> None:
         say(f"{s.falls} of {s.walked} steps from {s.first} to {s.last} fell")
 
 
-def _rows(strata: Iterable[Stratum]) -> list[tuple[str, ...]]:
-    return [
-        (
-            s.name,
-            f"{s.walks}",
-            f"{s.steps}",
-            f"{s.falls}",
-            f"{s.low:.2g} to {s.high:.2g}",
-        )
-        for s in strata
-    ]
+def _row(name: str, stratum: Stratum, report: ProofReport) -> tuple[str, ...]:
+    return (
+        name,
+        walk_count(stratum, report),
+        f"{stratum.steps}",
+        f"{stratum.falls}",
+        f"{stratum.low:.2g} to {stratum.high:.2g}",
+    )

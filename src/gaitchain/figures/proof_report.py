@@ -52,7 +52,6 @@ from gaitchain.sim.truth import FALL_HEIGHT, FALL_TILT
 
 PAGE, NUMBERS, PICTURE = "report.html", "report.json", "rates.png"
 _UNKNOWN = 0.5  # falls per step; an interval that ends higher tells nothing
-_Row = tuple[str, Stratum]
 _HEADS = ("walks", "number", "steps", "falls", "falls per step", "one fall in")
 _STYLE = (
     "body{font:16px/1.5 system-ui,sans-serif;max-width:52rem;margin:2rem auto;"
@@ -111,7 +110,7 @@ def write_report(
             "`gaitchain qualify LIBRARY --bound 1e-4` makes one"
         )
     page, numbers, rates = (folder / name for name in (PAGE, NUMBERS, PICTURE))
-    _draw(_named(library, proof, measures.scale_ns), proof.bound, rates)
+    _draw(named_strata(library, proof, measures.scale_ns), proof.bound, rates)
     maps = draw_maps(library, measures, folder)
     facts = _facts(library, proof, criterion, measures)
     write_json(numbers, facts)
@@ -168,7 +167,7 @@ def _origin(library: GaitLibrary) -> list[tuple[str, str]]:
     ]
 
 
-def _draw(rows: Sequence[_Row], bound: float, path: Path) -> None:
+def _draw(rows: Sequence[tuple[str, Stratum]], bound: float, path: Path) -> None:
     """Draw the interval of each stratum's rate, on a logarithmic axis."""
     names, strata = zip(*rows, strict=True)
     low = np.array([max(s.low, _floor(strata)) for s in strata])
@@ -242,9 +241,8 @@ class _Report(NamedTuple):
         if proof.chosen:
             said = f"{describe_chosen(proof.chosen)} They are in the rows of their own"
             add(body, "p", f'{said} world or model alone, as "+ 1".')
-        more = proof.chosen.names if proof.chosen else ()
-        named = _named(self.library, proof, self.measures.scale_ns)
-        table(body, _HEADS, (_row(name, s, s.name in more) for name, s in named))
+        named = named_strata(self.library, proof, self.measures.scale_ns)
+        table(body, _HEADS, (_row(name, s, proof) for name, s in named))
         picture(
             body,
             self.pictures[PICTURE],
@@ -329,10 +327,17 @@ def _criterion(criterion: Criterion) -> str:
     )
 
 
-def _named(library: GaitLibrary, proof: ProofReport, scale_ns: float) -> list[_Row]:
+def named_strata(
+    library: GaitLibrary, proof: ProofReport, scale_ns: float
+) -> list[tuple[str, Stratum]]:
     """Return the strata that are shown, by names of which none is like another.
 
     A kind of disturbance with one level is in the row of its world, and in no other.
+
+    Args:
+        library: with the proof.
+        proof: of the library.
+        scale_ns: m sqrt(g h) [N s].
     """
     alone, impulses = lone_kinds(library), shown_names(library, scale_ns)
     kinds = (s for s in proof.kinds if s.name not in alone)
@@ -387,20 +392,20 @@ def _spaced(number: int) -> str:
     return f"{number:,}".replace(",", " ")
 
 
-def _row(name: str, stratum: Stratum, chosen: bool) -> tuple[str, ...]:
-    """Return a row of the table.
+def walk_count(stratum: Stratum, proof: ProofReport) -> str:
+    """Return the number of a stratum's walks, with the one that was no draw apart."""
+    chosen = proof.chosen is not None and stratum.name in proof.chosen.names
+    return f"{stratum.walks - 1} + 1" if chosen else f"{stratum.walks}"
 
-    Args:
-        name: shown for the stratum.
-        stratum: the walks.
-        chosen: whether one of them was no draw.
-    """
+
+def _row(name: str, stratum: Stratum, proof: ProofReport) -> tuple[str, ...]:
+    """Return a row of the table, by the name that is shown for its stratum."""
     often = f"more than {_spaced(math.floor(1.0 / stratum.high))} steps"
     if stratum.high > _UNKNOWN:
         often = "not known"
     return (
         name,
-        f"{stratum.walks - 1} + 1" if chosen else f"{stratum.walks}",
+        walk_count(stratum, proof),
         f"{stratum.steps}",
         f"{stratum.falls}",
         f"{stratum.low:.2g} to {stratum.high:.2g}",
