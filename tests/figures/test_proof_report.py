@@ -17,6 +17,7 @@ from gaitchain.build.grid import GridJob, grid_world
 from gaitchain.build.push import PushTest
 from gaitchain.build.workers import Crew
 from gaitchain.cli.libraries import shipped_library
+from gaitchain.errors import CommandError
 from gaitchain.figures.proof_report import write_report
 from gaitchain.gait.command_range import SHARED
 from gaitchain.gait.library_file import load_library
@@ -28,6 +29,7 @@ from gaitchain.gait.qualification import (
     StepStrata,
     Stratum,
 )
+from gaitchain.messages import Command
 from gaitchain.proof import measures as proof_measures
 from gaitchain.proof.falls import UNKNOWN, FallsReport, potential_drop
 from gaitchain.proof.measures import Measures
@@ -198,11 +200,22 @@ def test_lowered_hips_are_among_what_was_not_tested(usual):
     words, numbers = usual
     deepest = SHIPPED.command_range.crouch[0]
     lowered = "Walks with lowered hips, which commands may ask for, up to "
-    lowered += f"{1000.0 * deepest:.0f} mm."
-    assert deepest > 0.0
+    lowered += "0.006 m."
+    assert 0.0065 < deepest < 0.007, "to the nearest it were 7 mm, which is refused"
     assert lowered in numbers["not_tested"]
     assert lowered in words
     assert set(numbers["commands"]) == {"vx", "vy", "yaw_rate"}
+
+
+def test_ranges_are_told_so_that_their_ends_are_accepted(usual):
+    """As `inspect` and refusals tell them; the fastest walk is 0.5756 m/s."""
+    words, _ = usual
+    span = SHIPPED.command_range
+    assert span.vx[1] > 0.5755
+    assert "speed ahead, back if negative -0.526 to 0.575 m/s" in words
+    assert dict(SHIPPED.describe())["speed ahead"] == "0.000 to 0.575 m/s"
+    with pytest.raises(CommandError, match=r"-0\.526 to 0\.575 m/s"):
+        span.check(Command(1.0))
 
 
 def test_that_a_simplified_robot_walked_is_said_where_it_is_looked_for(usual):

@@ -22,6 +22,7 @@ from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Identify
 from gaitchain.errors import CommandError, LibraryError, LogError
 from gaitchain.figures.identification import Compared, plot_missed
+from gaitchain.gait.command_range import AXES, ends_text, inward
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, save_library
 from gaitchain.identify.adapt import adapt
@@ -64,11 +65,11 @@ def run(options: Identify) -> tuple[int, dict[str, Any]]:
     fit, fitted = _identified(options, library, logs, journal)
     save_library(fitted, options.output)
     journal.remove()
-    span = fitted.command_range
     verdict = "qualified" if fitted.qualified else "NOT qualified"
     say(
-        f"{options.output}: {verdict} for this robot, {span.vx[0]:.3f} to "
-        f"{span.vx[1]:.3f} m/s ahead ({library.command_range.vx[1]:.3f} before)"
+        f"{options.output}: {verdict} for this robot, "
+        f"{ends_text(*fitted.command_range.vx, AXES['vx'])} "
+        f"({inward(library.command_range.vx[1]):.3f} before)"
     )
     return 0 if fitted.qualified else 1, _figures(fitted, fit)
 

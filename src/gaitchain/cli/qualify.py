@@ -28,6 +28,7 @@ from gaitchain.cli.proof import prove_bound
 from gaitchain.cli.splitting import estimate_falls
 from gaitchain.errors import CommandError
 from gaitchain.figures.robustness import plot_pass_rates
+from gaitchain.gait.command_range import AXES, ends_text
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes, load_library, save_library
 from gaitchain.gait.qualification import CellReport, GridReport
@@ -141,11 +142,9 @@ def _show(library: GaitLibrary, report: GridReport) -> None:
     if not report.settled:
         say(_UNSETTLED.format(report.rounds))
     span = library.command_range
-    say(
-        f"left: {span.vx[0]:.3f} to {span.vx[1]:.3f} m/s ahead, {span.vy[0]:.3f} to "
-        f"{span.vy[1]:.3f} m/s to the left, {span.yaw_rate[0]:.2f} to "
-        f"{span.yaw_rate[1]:.2f} rad/s around"
-    )
+    units = AXES.values()
+    left = (ends_text(*ends, unit) for ends, unit in zip(span.ends, units, strict=True))
+    say(f"left: {', '.join(left)}")
 
 
 def _row(cell: CellReport) -> tuple[str, ...]:

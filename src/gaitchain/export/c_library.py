@@ -133,7 +133,8 @@ def _facts(library: GaitLibrary, walk: WalkController) -> dict[str, str]:
         "held": _held(robot.legs.held),
     }
     for axis, (least, most) in zip(("vx", "vy", "yaw"), span.limits, strict=True):
-        facts |= {f"least_{axis}": f"{least:.3f}", f"most_{axis}": f"{most:.3f}"}
+        facts[f"least_{axis}"] = f"{-inward(-least) + 0.0:.3f}"
+        facts[f"most_{axis}"] = f"{inward(most):.3f}"
     return facts
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from gaitchain.build.grid import Cell
 from gaitchain.figures.page import add, table
-from gaitchain.gait.command_range import SHARED, CommandRange
+from gaitchain.gait.command_range import SHARED, CommandRange, ends_text, inward
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.qualification import CellReport, ProofReport
 from gaitchain.messages import CONTROL_PERIOD_S
@@ -114,7 +114,7 @@ _NOT_TESTED = (
 _TIME = (
     "What comes with time, such as heat, wear and an empty battery: walks lasted {}."
 )
-_LOWERED = "Walks with lowered hips, which commands may ask for, up to {:.0f} mm."
+_LOWERED = "Walks with lowered hips, which commands may ask for, up to {:.3f} m."
 
 
 def not_tested(library: GaitLibrary, proof: ProofReport) -> Iterator[str]:
@@ -130,7 +130,7 @@ def not_tested(library: GaitLibrary, proof: ProofReport) -> Iterator[str]:
     yield _TIME.format(walk_length(library, proof))
     deepest = library.command_range.crouch[0]
     if deepest > 0.0:
-        yield _LOWERED.format(1000.0 * deepest)
+        yield _LOWERED.format(inward(deepest))
 
 
 def uses_section(
@@ -147,9 +147,9 @@ def uses_section(
     add(body, "h2", "Declared use")
     span = library.command_range
     rows = [
-        ("speed ahead, back if negative", f"{span.vx[0]:.3f} to {span.vx[1]:.3f} m/s"),
-        ("speed to the left", f"{span.vy[0]:.3f} to {span.vy[1]:.3f} m/s"),
-        ("turning to the left", "{:.2f} to {:.2f} rad/s".format(*span.yaw_rate)),
+        ("speed ahead, back if negative", ends_text(*span.vx, "m/s")),
+        ("speed to the left", ends_text(*span.vy, "m/s")),
+        ("turning to the left", ends_text(*span.yaw_rate, "rad/s")),
         ("commands", f"random over that range, walks of {walk_length(library, proof)}"),
     ]
     table(body, (), rows)

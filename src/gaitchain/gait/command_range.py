@@ -214,7 +214,7 @@ class CommandRange:
     def _no_way(self, value: float, unit: str) -> CommandError:
         """Return the refusal of a direction that no tolerance adds to the range."""
         ends = zip(self.ends, AXES.values(), strict=True)
-        ways = [_walked(*end, axis) for end, axis in ends if any(end)]
+        ways = [ends_text(*end, axis) for end, axis in ends if any(end)]
         known = ", ".join(ways) or "in no direction"
         return CommandError(f"{value:g} {unit}: this library walks {known}, and 0")
 
@@ -252,14 +252,13 @@ def _part(value: float, ends: tuple[float, float]) -> float:
 
 
 def _refusal(value: float, low: float, high: float, unit: str) -> CommandError:
-    walked = _walked(low, high, unit)
+    walked = ends_text(low, high, unit)
     return CommandError(f"{value:g} {unit}: this library walks {walked}, and 0")
 
 
-def _walked(low: float, high: float, unit: str) -> str:
+def ends_text(low: float, high: float, unit: str) -> str:
     """Return an axis' ends, rounded inward, so that they are valid commands."""
-    least = math.ceil(1000.0 * low - 1e-6) / 1000.0
-    return f"{least:.3f} to {inward(high):.3f} {unit}"
+    return f"{-inward(-low) + 0.0:.3f} to {inward(high):.3f} {unit}"
 
 
 def inward(most: float) -> float:

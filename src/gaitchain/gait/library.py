@@ -14,7 +14,7 @@ from gaitchain.chain.policy import cost_to_go, look_ahead
 from gaitchain.chain.recovery import Recovery
 from gaitchain.errors import LibraryError
 from gaitchain.gait.build_config import BuildConfig
-from gaitchain.gait.command_range import CommandRange, inward
+from gaitchain.gait.command_range import CommandRange, ends_text, inward
 from gaitchain.gait.families import family_of, family_of_kind
 from gaitchain.gait.family import STAND, GaitFamily, GaitPoses
 from gaitchain.gait.motion import Timing
@@ -189,13 +189,13 @@ class GaitLibrary:
             *([] if gain == 1.0 else [("servo gains", f"{gain:g} of the file's")]),
             ("step", f"T = {self.timing.step:.3g} s"),
             *self.family.describe(self.poses, self.timing, gaits),
-            ("speed ahead", f"{low:.3f} to {high:.3f} m/s"),
+            ("speed ahead", ends_text(low, high, "m/s")),
         ]
         deepest, fast = map(inward, span.crouch)
         other = [
-            ("backward", _up_to(-span.vx[0], ".3f", "m/s")),
-            ("sideways", _either_way(span.vy, ".3f", "m/s")),
-            ("turning", _either_way(span.yaw_rate, ".2f", "rad/s")),
+            ("backward", _up_to(-span.vx[0], "m/s")),
+            ("sideways", _either_way(span.vy, "m/s")),
+            ("turning", _either_way(span.yaw_rate, "rad/s")),
             ("crouch", f"{deepest:.3f} m, at full speed {fast:.3f} m lower"),
         ]
         rows += other if any(map(any, span.ends[1:])) else []
@@ -207,12 +207,12 @@ class GaitLibrary:
         return best_gaits(self.path_costs)
 
 
-def _up_to(end: float, form: str, unit: str) -> str:
-    return f"to {end:{form}} {unit}" if end else "not at all, as no such walk held"
+def _up_to(end: float, unit: str) -> str:
+    return f"to {inward(end):.3f} {unit}" if end else "not at all, as no such walk held"
 
 
-def _either_way(ends: tuple[float, float], form: str, unit: str) -> str:
-    right, left = (_up_to(end, form, unit) for end in (-ends[0], ends[1]))
+def _either_way(ends: tuple[float, float], unit: str) -> str:
+    right, left = (_up_to(end, unit) for end in (-ends[0], ends[1]))
     return left if left == right else f"{left} to the left, {right} to the right"
 
 

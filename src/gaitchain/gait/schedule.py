@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gaitchain.errors import CommandError
-from gaitchain.gait.command_range import CommandRange, command_text, digits
+from gaitchain.gait.command_range import CommandRange, command_text, digits, ends_text
 from gaitchain.messages import Command
 
 PAPER_WALK = "0.04@half,0.08@2,0.02@half"
@@ -240,8 +240,8 @@ def _check_speed(speed: float, lowest: float, most: CommandRange) -> None:
     far = high + 0.005 if high > 0.0 else 0.0
     if speed != 0.0 and not lowest - 0.005 <= speed <= far:
         raise CommandError(
-            f"{speed:g} m/s in the schedule: this library walks {low:.3f} to "
-            f"{high:.3f} m/s, and 0 to stand"
+            f"{speed:g} m/s in the schedule: this library walks "
+            f"{ends_text(low, high, 'm/s')}, and 0 to stand"
         )
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from gaitchain.chain.layered_chain import FloatArray
+from gaitchain.gait.command_range import ends_text
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import Command
@@ -48,7 +49,7 @@ class KeyposeGenerator(Generator):
                 notes.append(f"{command.vx:g} m/s is no way on: stop")
         elif vx != command.vx:
             notes.append(
-                f"{command.vx:g} m/s is outside {low:.3f} to {high:.3f} m/s: {vx:.3f}"
+                f"{command.vx:g} m/s is outside {ends_text(low, high, 'm/s')}: {vx:.3f}"
             )
         return Command(vx), "; ".join(notes)
 
