@@ -3,6 +3,7 @@
 import contextlib
 import hashlib
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -34,6 +35,7 @@ from gaitchain.proof.proof_walks import (
     mild_cells,
     seed_of,
 )
+from gaitchain.proof.rate_test import fewest_steps
 from gaitchain.robot.identified import Identified, unsure_numbers
 
 WORDS = ["--bound", "0.05", "--seconds", "3", "--workers", "1"]
@@ -285,6 +287,15 @@ def wait_until(holds, child):
         assert child.returncode is None, "it ended too early"
 
 
+def test_too_few_steps_for_any_verdict_are_refused_with_the_least(tmp_path, capsys):
+    words = ["qualify", "res", *WORDS, "-o", str(tmp_path / "P.gait")]
+    assert run([*words, "--most-steps", "10"]) == 2
+    said = capsys.readouterr().err
+    least = int(re.search(r"give --most-steps (\d+) or more", said)[1])
+    assert least == fewest_steps(0.05)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.slow
 def test_what_was_walked_without_a_verdict_is_not_walked_again(
     proven, tmp_path, monkeypatch, capsys
@@ -299,7 +310,7 @@ def test_what_was_walked_without_a_verdict_is_not_walked_again(
 
     monkeypatch.setattr(proof_walks, "_walk", noted)
     words = ["qualify", "res", *WORDS, "-o", str(out)]
-    few = [*words, "--bound", "0.04", "--confidence", "0.9", "--most-steps", "10"]
+    few = [*words, "--bound", "0.04", "--most-steps", "96"]
     assert run(few) == 1
     said = capsys.readouterr().out
     assert "neither fewer nor more than 0.04 falls" in said
@@ -308,9 +319,9 @@ def test_what_was_walked_without_a_verdict_is_not_walked_again(
     assert run([*words, "--json", str(tmp_path / "p.json")]) == 0
     said = capsys.readouterr().out
     assert "going on after 18 finished pieces" in said
-    assert "other ones for the falls per step: 0.04 with 90 % confidence" in said
+    assert "other ones for the falls per step: 0.04 with 95 % confidence" in said
     assert all(number >= CHOSEN for number in numbers[18:])
-    library, earlier = load_library(out), EarlierCriterion(0.04, 0.9, 3.0)
+    library, earlier = load_library(out), EarlierCriterion(0.04, 0.95, 3.0)
     proof = library.qualification.proof
     assert proof.before == (earlier,)
     assert json.loads((tmp_path / "p.json").read_text())["before"] == [asdict(earlier)]

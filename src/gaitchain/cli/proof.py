@@ -19,6 +19,7 @@ from gaitchain.gait.library_file import library_bytes, load_library, save_librar
 from gaitchain.gait.qualification import EarlierCriterion, ProofReport, Stratum
 from gaitchain.proof.fall_rate import (
     check_length,
+    check_most_steps,
     describe_before,
     describe_chosen,
     prove,
@@ -80,9 +81,10 @@ def _begun(plain: GaitLibrary, criterion: Criterion, out: Path) -> Journal:
     code.
 
     Raises:
-        CommandError: the walks would be too short.
+        CommandError: the walks would be too long, or too few.
     """
     check_length(plain, criterion)
+    check_most_steps(criterion)
     path = out.with_name(f"{out.name}.proof.jsonl")
     own, by = library_bytes(plain), as_kept(_as_tried(criterion))
     journal = Journal(path, own, criterion.seconds, criterion=by, about=own)

@@ -29,7 +29,12 @@ from gaitchain.proof.proof_walks import (
     draw_schedule,
     mild_cells,
 )
-from gaitchain.proof.rate_test import RateTest, Verdict, length_fault
+from gaitchain.proof.rate_test import (
+    RateTest,
+    Verdict,
+    fewest_steps,
+    length_fault,
+)
 from gaitchain.proof.tally import Tally
 
 _HURRY = 2.0  # steps of a walk over those that the plan makes in the time
@@ -103,6 +108,21 @@ def check_length(library: GaitLibrary, criterion: Criterion) -> None:
     fault = _length_fault(library, criterion)
     if fault:
         raise CommandError(f"{fault}; {_way_out(library, criterion)}")
+
+
+def check_most_steps(criterion: Criterion) -> None:
+    """Refuse a limit that is reached before walks without a fall could show anything.
+
+    Raises:
+        CommandError: fewer steps are allowed than it takes if none falls.
+    """
+    need = fewest_steps(criterion.bound, criterion.confidence)
+    if criterion.limit < need:
+        raise CommandError(
+            f"--most-steps {criterion.limit}: to show fewer than {criterion.bound:g} "
+            f"falls per step takes at least {need} steps without a fall; give "
+            f"--most-steps {need} or more"
+        )
 
 
 def _length_fault(library: GaitLibrary, criterion: Criterion) -> str:

@@ -19,6 +19,7 @@ where the rate is b or more, however the world was chosen.
 """
 
 import math
+from bisect import bisect_left
 from collections.abc import Callable, Iterable
 from typing import Literal
 
@@ -111,6 +112,20 @@ def steps_needed(bound: float, confidence: float = 0.95, length: int = 1) -> int
     """
     need = -math.log(1.0 - confidence) - float(_LESS_LOG[0])
     return math.ceil(need / math.log1p(float(_LESS[0]) * bound * length)) * length
+
+
+def fewest_steps(bound: float, confidence: float = 0.95) -> int:
+    """Return the fewest steps, without a fall, by which any walks show the same.
+
+    Those of walks of one step, by all bets.
+
+    Args:
+        bound: b, falls per step.
+        confidence: of the verdict.
+    """
+    need, wins = -math.log(1.0 - confidence), np.log1p(_LESS * bound)
+    enough = range(steps_needed(bound, confidence))
+    return bisect_left(enough, need, key=lambda n: _wealth(n * wins, _LESS_LOG))
 
 
 def length_fault(bound: float, longest: int) -> str:
