@@ -441,6 +441,8 @@ BAD = [
     (["trial", "x.gait", "--model-error", "-1"], 2, "--model-error: model_error is"),
     (["trial", "x.gait", "--speed-limit", "0"], 2, "--speed-limit: speed_limit_deg_s"),
     (["trial", "x.gait", "--push", "8"], 2, "impulse@direction@time"),
+    (["trial", "x.gait", "--push", ""], 2, "--push '': expected impulse@direction"),
+    (["trial", "x.gait", "--punches", ""], 2, "--punches '': expected impulse or"),
     (["trial", "x.gait", "--push", "8@x"], 2, "impulse@direction@time"),
     (["trial", "x.gait", "--push", "-8@0"], 2, "impulse_ns is -8.0"),
     (["trial", "x.gait", "--feedback", "--open-loop"], 2, "give one of them"),
@@ -638,6 +640,26 @@ def test_a_library_or_a_profile_is_not_replaced_by_a_log_or_results(
     code, _, err = call(capsys, *words)
     assert (code, err) == (2, f"gaitchain: {said}\n")
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("push", "res", "--body", "nope"), "--body: body 'nope': the robot has trunk"),
+        (("trial", "res", "--push", "9@0@1@nope"), "--push: body 'nope': the robot"),
+        (
+            ("walk", "res", "--schedule", "0.3,0,0@2", "--push", "9@0@1@nope"),
+            "--push: body 'nope': the robot",
+        ),
+    ],
+)
+def test_a_body_that_is_not_there_is_refused_before_any_walk(
+    words, said, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = call(capsys, *words)
+    assert (code, said in err) == (2, True)
+    assert ": 0 of" not in err, "no walk is begun"
 
 
 @pytest.mark.slow

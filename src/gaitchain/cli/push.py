@@ -20,6 +20,7 @@ from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Push
 from gaitchain.cli.world_options import (
     check_effects,
+    check_pushed,
     wants_feedback,
     world_json,
     world_numbers,
@@ -28,6 +29,7 @@ from gaitchain.errors import CommandError
 from gaitchain.figures.robustness import plot_pushes
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import Command
+from gaitchain.sim.bodies import ANY_BODY, body_names
 from gaitchain.walker.walker import Walker
 
 
@@ -40,6 +42,7 @@ def run(options: Push) -> tuple[int, dict[str, Any]]:
     Walker(library)  # refuses an unqualified library before any work
     check_effects(fixed, library.robot)
     _check_speed(options.vx, library)
+    check_pushed("body", options.body, (*body_names(library.robot), ANY_BODY))
     tests = run_pushes(
         PushedWalk(library, options.vx, fixed, feedback, options.body),
         options.runs,

@@ -13,6 +13,7 @@ from gaitchain.gait.limits import exact
 from gaitchain.gait.schedule import Schedule, check_schedule, parse_schedule
 from gaitchain.messages import Command
 from gaitchain.robot.robot import Robot
+from gaitchain.sim.bodies import body_names, check_body
 from gaitchain.sim.known_servos import KNOWN_SERVOS
 from gaitchain.sim.push import Punches, Push
 from gaitchain.sim.robot_faults import likely_robot
@@ -47,9 +48,9 @@ def world_numbers(
             option = disturbance.option.replace("_", "-")
             raise CommandError(f"--{option}: {error}") from None
         given[name] = value
-    if push:
+    if push is not None:
         given["push"] = parse_pushes(push)
-    if punches:
+    if punches is not None:
         given["punches"] = parse_punches(punches)
     return given
 
@@ -171,12 +172,15 @@ def check_effects(numbers: Mapping[str, Any], robot: Robot) -> None:
 
     Raises:
         CommandError: it is doubted, and nothing was identified of it; or a disturbance
-            comes without the one that it is a part of.
+            comes without the one that it is a part of; or a push is on a body that it
+            does not have.
     """
     try:
         likely_robot(robot, World(doubt=numbers.get("doubt", 0.0)))
     except CommandError as error:
         raise CommandError(f"--doubt: {error}") from None
+    for push in numbers.get("push", ()):
+        check_pushed("push", push.body, body_names(robot))
     for name, disturbance in DISTURBANCES.items():
         needed = disturbance.needs
         alone = needed and not numbers.get(needed) and not _has(robot, needed)
@@ -186,6 +190,23 @@ def check_effects(numbers: Mapping[str, Any], robot: Robot) -> None:
                 for each in (disturbance, DISTURBANCES[needed])
             )
             raise CommandError(f"--{option} has no effect without --{other}")
+
+
+def check_pushed(option: str, name: str, bodies: Sequence[str]) -> None:
+    """Refuse a push on a body that a robot does not have, before any work.
+
+    Args:
+        option: that has the name, for the message.
+        name: of the body.
+        bodies: names of those that can be pushed.
+
+    Raises:
+        CommandError: it is none of them.
+    """
+    try:
+        check_body(name, bodies)
+    except CommandError as error:
+        raise CommandError(f"--{option}: {error}") from None
 
 
 def _has(robot: Robot, disturbance: str) -> bool:
