@@ -86,6 +86,22 @@ def test_a_last_stage_that_is_a_go_is_a_go(monkeypatch, tmp_path):
     assert found["stages"]["bus"]["outcome"] == "go"
 
 
+def test_what_was_found_is_written_where_it_is_interrupted(monkeypatch, tmp_path):
+    def interrupted(bench):
+        raise KeyboardInterrupt
+
+    stages = STAGES[0], STAGES[1]._replace(check=interrupted)
+    monkeypatch.setattr(gaitchain.cli.doctor, "STAGES", stages)
+    out = tmp_path / "found.json"
+    words = ["--port", "emulated", "--yes", "--quiet", "--json", str(out)]
+    assert run(["doctor", "res", *words]) == 130
+    found = json.loads(out.read_text())
+    assert found["go"] is False
+    said = [stage["outcome"] for stage in found["stages"].values()]
+    assert said == ["go", "skipped"]
+    assert found["stages"][STAGES[1].name]["said"] == "interrupted"
+
+
 def test_a_person_skips_and_ends():
     done = doctor("--port", "emulated", typed="s\ns\nq\n")
     assert done.returncode == 1, done.stderr

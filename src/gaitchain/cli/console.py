@@ -60,6 +60,9 @@ class Report:
     results: Any = None
 
 
+_report: ContextVar[Report | None] = ContextVar("report", default=None)
+
+
 @contextmanager
 def reporting(
     options: ReportOptions, *, talks: bool = False, named: Iterable[Path] = ()
@@ -79,13 +82,24 @@ def reporting(
     check_replaced(path, "the results")
     told, alone = not options.quiet, path == _STDOUT
     output = _Output(told and (talks or not alone), told, aside=alone)
-    token = _output.set(output)
+    token, kept = _output.set(output), _report.set(report)
     try:
         yield report
+    except BaseException:
+        if path is not None and report.results is not None:
+            write_json(path, report.results)
+        raise
     finally:
         _output.reset(token)
+        _report.reset(kept)
     if path is not None:
         write_json(path, report.results)
+
+
+def results_so_far(results: Any) -> None:
+    """Set what is written as the results if the command ends before it is done."""
+    if report := _report.get():
+        report.results = results
 
 
 @contextmanager

@@ -14,7 +14,13 @@ from gaitchain.backends.dynamixel import (
 )
 from gaitchain.backends.dynamixel.calibration import ImuCalibration
 from gaitchain.backends.dynamixel.emulator import EmulatedImu
-from gaitchain.cli.console import print_line, print_table, progress, say
+from gaitchain.cli.console import (
+    print_line,
+    print_table,
+    progress,
+    results_so_far,
+    say,
+)
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Doctor
 from gaitchain.cli.prompt import Answers
@@ -58,15 +64,16 @@ def run(options: Doctor) -> tuple[int, dict[str, Any]]:
         try:
             _examine(bench, person, options, found)
         finally:
+            results_so_far(_facts(library.robot.name, found))
             _show(found, library.robot.name, options.port)
             if bench.not_let_go:
                 print_line(f"SWITCH THE SUPPLY OFF: {bench.not_let_go} may hold on")
-    go = _is_go(found)
-    return 0 if go else 1, {
-        "robot": library.robot.name,
-        "go": go,
-        "stages": {name: msgspec.to_builtins(v) for name, v in found.items()},
-    }
+    return 0 if _is_go(found) else 1, _facts(library.robot.name, found)
+
+
+def _facts(robot: str, found: dict[str, Verdict]) -> dict[str, Any]:
+    stages = {name: msgspec.to_builtins(v) for name, v in found.items()}
+    return {"robot": robot, "go": _is_go(found), "stages": stages}
 
 
 def _examine(
