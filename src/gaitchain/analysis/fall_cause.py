@@ -51,6 +51,8 @@ class Explanation:
     """(time [s], event) such as a push, up to the fall."""
     notes: tuple[tuple[float, str], ...] = ()
     """(time [s], event) such as a stop or a reset, which no fall comes from."""
+    whole: bool = True
+    """Whether nothing is missing in the record, in which it may have fallen."""
 
     @property
     def after(self) -> str:
@@ -74,6 +76,8 @@ class Explanation:
             count = len(self.findings)
             often = {0: "no rule broke", 1: "one rule broke, once"}
             broke = often.get(count, f"rules broke {count} times")
+            if not self.whole:
+                return f"No fall in the rows that are left; {broke}."
             return f"The robot did not fall; {broke}."
         if self.cause is None:
             fell = f"The robot fell {when_fell(self.fell_at_s)}{self.after}"

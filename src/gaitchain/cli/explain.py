@@ -1,6 +1,6 @@
 """`gaitchain explain`: why a walk fell, and which parameters to change."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,12 +31,14 @@ def run(options: Explain) -> tuple[int, dict[str, Any]]:
     logged = path.suffix == SUFFIX
     if not logged:
         refuse(options, ("fall",), "of a log of `serve`; a walk has one fall at most")
-    record = _record_of_log(path, options.fall) if logged else load_record(path)
+    record, whole = (
+        _record_of_log(path, options.fall) if logged else (load_record(path), True)
+    )
     if record.robot is None:
         raise CommandError(f"{path}: it does not say which robot walked; walk again")
     picture = options.output or path.parent / _name(path)
     check_picture(picture)
-    explanation = explain(record.robot, record)
+    explanation = replace(explain(record.robot, record), whole=whole)
     say(explanation.sentence)
     _show(explanation, path)
     if np.isnan(record.foot_load).all():
@@ -47,7 +49,8 @@ def run(options: Explain) -> tuple[int, dict[str, Any]]:
     return 0, to_json(explanation)
 
 
-def _record_of_log(path: Path, fall: int | None) -> WalkRecord:
+def _record_of_log(path: Path, fall: int | None) -> tuple[WalkRecord, bool]:
+    """Return the record of a log, and whether the log is whole."""
     log = read_log(path)
     rows = before_fall(log.telemetries(), fall)
     if log.damage:
@@ -56,9 +59,10 @@ def _record_of_log(path: Path, fall: int | None) -> WalkRecord:
         raise CommandError(f"{path}: no telemetry in it")
     # Times are those of the loop, as shown by the page and by `replay`.
     gait = log.library.family.name
-    return record_of(
+    record = record_of(
         log.library.robot, rows, log.library.timing, since_s=0.0, gait=gait
     )
+    return record, not log.damage
 
 
 def _name(path: Path) -> str:
