@@ -58,6 +58,13 @@ def test_the_journal_keeps_what_is_finished(tmp_path):
     assert not again.path.exists()
 
 
+def test_what_was_begun_and_has_nothing_finished_does_not_go_on(tmp_path):
+    with journal_of(tmp_path, 1) as begun:
+        pass
+    assert begun.path.exists(), "its first line says of what it is"
+    assert "kept here until the end" in journal_of(tmp_path, 1).greeting
+
+
 @pytest.mark.parametrize(
     "torn", [b"[[0, 5], [[0, 1", b"[[0, 5], []]", b"\x80\n", b"[" * 100_000 + b"\n"]
 )

@@ -447,6 +447,11 @@ BAD = [
     (["trial", "x.gait", "--push", "-8@0"], 2, "impulse_ns is -8.0"),
     (["trial", "x.gait", "--feedback", "--open-loop"], 2, "give one of them"),
     (["push", "missing.gait"], 2, "missing.gait"),
+    (["push", "."], 2, ".: a folder; give a library that `gaitchain build` wrote"),
+    (["warm-up", "."], 2, ".: a folder; give a library that `gaitchain build` wrote"),
+    (["replay", "."], 2, ".: a folder; replay plays a log of `gaitchain serve` (.mcap"),
+    (["replay", "x.mcap"], 2, "x.mcap: no such file; replay plays a log of"),
+    (["trial", "res", "more"], 2, "options: more; see gaitchain trial --help"),
     (["replay", "x.mcap", "--robot", "no.xml"], 2, "no.xml: no such file; give a"),
     (["replay", "x.mcap", "--profile", "p.toml"], 2, "--profile describes a robot"),
     (["trial", "x.gait", "--own-model", "no.xml"], 2, "no.xml: no such file; give a"),
@@ -505,6 +510,18 @@ def test_a_word_that_is_no_choice_is_refused_with_those_there_are(capsys):
         assert call(capsys, *words) == (2, "", f"gaitchain: {given}\n")
 
 
+def test_help_says_how_to_ask_for_the_version(capsys):
+    code, out, _ = call(capsys, "--help")
+    assert (code, "--version" in out) == (0, True)
+
+
+def test_an_empty_file_is_told_once(tmp_path, capsys):
+    path = tmp_path / "empty"
+    path.touch()
+    said = f"gaitchain: {path}: it is empty; expected MJCF or URDF\n"
+    assert call(capsys, "inspect", path) == (2, "", said)
+
+
 def test_help_offers_no_none(capsys, monkeypatch):
     monkeypatch.setenv("NO_COLOR", "1")
     for verb in VERBS:
@@ -514,12 +531,15 @@ def test_help_offers_no_none(capsys, monkeypatch):
 
 
 def test_where_work_goes_on_is_said_only_where_some_is_kept(tmp_path, capsys):
-    for kept in (tmp_path / "kept.jsonl", tmp_path / "none.jsonl"):
-        if kept.stem == "kept":
-            kept.touch()
+    begun, none = tmp_path / "begun.jsonl", tmp_path / "none.jsonl"
+    begun.write_text("{}\n")
+    some = tmp_path / "some.jsonl"
+    some.write_text("{}\n1\n")
+    for kept in (begun, none, some):
         with pytest.raises(JournalError), resumable(kept):
             raise JournalError("the disk is full")
-        assert (f"{kept}: what is finished" in capsys.readouterr().out) == kept.exists()
+        said = f"{kept}: what is finished" in capsys.readouterr().out
+        assert said == (kept is some)
 
 
 @pytest.mark.slow
@@ -988,7 +1008,7 @@ def test_a_build_begins_anew_where_the_file_has_other_contacts(
         headers.append((tmp_path / "toy.gait.build.jsonl").read_bytes())
     assert headers[0] == headers[1] != headers[2]
     assert not re.search("going on|starting anew", said[0])
-    assert "going on after 0 finished pieces" in said[1]
+    assert "kept here until the end" in said[1], "nothing of it was finished"
     assert "of other work or code; starting anew" in said[2]
 
 

@@ -102,6 +102,14 @@ def test_what_was_found_is_written_where_it_is_interrupted(monkeypatch, tmp_path
     assert found["stages"][STAGES[1].name]["said"] == "interrupted"
 
 
+@pytest.mark.parametrize("verb", ["doctor", "calibrate"])
+def test_an_empty_port_is_refused(verb, capsys):
+    """As of a variable that is not set."""
+    assert run([verb, "res", "--port", ""]) == 2
+    said = capsys.readouterr().err
+    assert said == "gaitchain: --port '': give a serial port, as /dev/ttyUSB0\n"
+
+
 def test_a_person_skips_and_ends():
     done = doctor("--port", "emulated", typed="s\ns\nq\n")
     assert done.returncode == 1, done.stderr

@@ -146,7 +146,7 @@ def test_a_search_does_not_go_on_in_another_model_or_stand(
             said.append(capsys.readouterr().out)
         anew = "of other work or code; starting anew"
         assert (anew in said[0]) is (second > 1)
-        assert "going on after 0 finished pieces" in said[1]
+        assert "kept here until the end" in said[1]
 
 
 @pytest.mark.usefixtures("small")

@@ -90,7 +90,9 @@ class Journal:
                 break
             self.found.append(piece)
             self._ends.append(self._ends[-1] + len(line))
-        self.greeting = f"{self.path}: going on after {len(self.found)} finished pieces"
+        if self.found:
+            many = len(self.found)
+            self.greeting = f"{self.path}: going on after {many} finished pieces"
 
     def _unused(self) -> Path:
         """Return the first of the names for files of other runs that no file has."""

@@ -7,9 +7,10 @@ import sys
 import threading
 import time
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -108,9 +109,16 @@ def resumable(path: Path) -> Iterator[None]:
     try:
         yield
     except (KeyboardInterrupt, UnfinishedError):
-        if path.exists():  # else not even the first one could be kept
+        if _has_pieces(path):  # else not even the first one could be kept
             say(f"{path}: what is finished; the same command goes on from there")
         raise
+
+
+def _has_pieces(journal: Path) -> bool:
+    """Return whether anything finished is in a journal, below its first line."""
+    with suppress(OSError), journal.open("rb") as file:
+        return sum(1 for _ in islice(file, 2)) > 1
+    return False
 
 
 def print_table(

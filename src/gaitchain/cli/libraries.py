@@ -32,12 +32,13 @@ def find_library(word: str) -> Path:
     """
     path = Path(word)
     if path.is_file() or not is_shipped(word):
-        if path.exists():
+        if path.exists() and not path.is_dir():
             return path
         shipped = sorted(path.stem for path in _DATA.glob("*.gait"))
         hint = did_you_mean(word, [*shipped, *files_beside(path, (_SUFFIX,))])
+        found = "a folder" if path.is_dir() else f"no such file{hint}"
         raise LibraryError(
-            f"{word}: no such file{hint}; give a library that `gaitchain build` wrote, "
+            f"{word}: {found}; give a library that `gaitchain build` wrote, "
             f"or one that comes with gaitchain: {', '.join(shipped)}"
         )
     if path.suffix == _SUFFIX:

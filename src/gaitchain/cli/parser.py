@@ -26,8 +26,10 @@ _NO_CHOICE = re.compile(
     r"invalid choice '(?P<word>.*?)' for argument '(?P<option>--\S+)'"
     r"|parsing (?P<of>--\S+): no type matching \S+ could be .*? \['(?P<none>.*?)'\]"
 )
+_HELPTEXT = re.compile(r"\.? For full helptext, run gaitchain --help")
 _DESCRIPTION = (
-    "Online humanoid walking from a Markov chain of key poses, checked by physics."
+    "Online humanoid walking from a Markov chain of key poses, checked by physics. "
+    "`gaitchain --version` says which version this is."
 )
 
 
@@ -46,6 +48,7 @@ def parse(arguments: Sequence[str]) -> Options:
         with written_to(sys.stdout), contextlib.redirect_stderr(complaint):
             options = _read(words, plain)
             _check_numbers(options)
+            _check_port(options)
             return options
     except SystemExit as stop:
         if stop.code:
@@ -126,9 +129,15 @@ def _check_numbers(options: Any) -> None:
             raise CommandError(f"--{option} {exact(value)}: give {limits}")
 
 
+def _check_port(options: Any) -> None:
+    """Refuse an empty port, as of a variable that is not set."""
+    if getattr(options, "port", None) == "":
+        raise CommandError("--port '': give a serial port, as /dev/ttyUSB0")
+
+
 def _complaint(box: str, verb: str) -> str:
     """Return what is wrong, of a word that is no number or choice what would do."""
-    said = _one_line(box)
+    said = _HELPTEXT.sub(f"; see gaitchain {verb} --help", _one_line(box))
     if verb in VERBS and (found := _NO_CHOICE.search(said)):
         option, word = found["option"] or found["of"], found["word"] or found["none"]
         kind = _types(VERBS[verb])[option.removeprefix("--").replace("-", "_")]

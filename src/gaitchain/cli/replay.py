@@ -7,7 +7,7 @@ from gaitchain.cli.console import file_of, say
 from gaitchain.cli.libraries import given_robot
 from gaitchain.cli.options import Replay
 from gaitchain.errors import CommandError
-from gaitchain.live.logs.reader import Log, read_log
+from gaitchain.live.logs.reader import SUFFIX, Log, read_log
 from gaitchain.robot.compare import differences
 from gaitchain.robot.robot import Robot
 from gaitchain.service.settings import Settings
@@ -17,6 +17,7 @@ from gaitchain.service.supervisor import serve
 def run(options: Replay) -> tuple[int, dict[str, str]]:
     """Play until Ctrl-C."""
     given = given_robot(options.robot, options.profile)
+    _check_there(options.log)
     log = read_log(options.log)
     if given is not None:
         _check(given, log)
@@ -33,6 +34,14 @@ def run(options: Replay) -> tuple[int, dict[str, str]]:
         )
         code = serve(settings, open_browser=not options.no_browser, say=say)
     return code, {"log": str(options.log)}
+
+
+def _check_there(path: Path) -> None:
+    if path.is_dir() or not path.exists():
+        found = "a folder" if path.is_dir() else "no such file"
+        raise CommandError(
+            f"{path}: {found}; replay plays a log of `gaitchain serve` ({SUFFIX})"
+        )
 
 
 def _check(given: Robot, log: Log) -> None:

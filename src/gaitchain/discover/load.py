@@ -235,7 +235,8 @@ class _Reader:
         except OSError as error:
             raise RobotFileError(f"{path.name}: {error.strerror}") from None
         if not data.strip():
-            raise RobotFileError(f"{path.name} is empty; expected MJCF or URDF")
+            what = path.name if self.chain else "it"  # who reads it names the first
+            raise RobotFileError(f"{what} is empty; expected MJCF or URDF")
         parser = ET.XMLParser(target=_Guard())
         try:
             # MuJoCo reads on after a blank line, and has no rule for comments.
