@@ -58,7 +58,7 @@ def swung():
 @pytest.fixture(scope="module")
 def found(swung):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(motion_fit.SEARCHES, "held", 8)
+        patch.setattr(motion_fit, "SEARCHES", 8)
         patch.setattr(motion_fit, "REPLAYS", 64)
         patch.setitem(motion_fit.SURE_REPLAYS, "held", 80)
         patch.setattr(motion_fit, "EXPLAINED", np.inf)  # of so few rounds
@@ -122,6 +122,34 @@ def test_a_replay_shows_an_imu_that_is_late_between_its_rows():
 
 
 @pytest.mark.slow
+def test_a_robot_that_stands_tells_zeros_and_its_com_by_smooth_slopes(monkeypatch):
+    """Through half a degree of play, where the servos are known.
+
+    In four seconds it does not tell how high the CoM is.
+    """
+    monkeypatch.setattr(motion_fit, "SMOOTH", 1)
+    monkeypatch.setitem(motion_fit.ROUGH, "standing", 1.0)
+    monkeypatch.setitem(motion_fit.SURE_REPLAYS, "standing", 2)
+    parameters = Parameters(RES.legs.joint_names)
+    sd = np.full(len(parameters.all), 0.02)
+    sd[parameters.of("offset", "tilt", "com")] = 1.0
+    true = parameters.without(np.zeros(len(sd)), "dry_friction", "stiction")
+    true[parameters.of("offset")] = np.resize([0.7, -0.9, 0.4, 0.6, -0.8], 12)
+    true[parameters.of("com")] = 0.8, -0.7, 0.5
+    right = parameters.read(true)[0]
+    sway = Motion("standing", exercise(RES)[1].targets[200:600])
+    motion = MotionFit(RES, log_of(sway, right).parts[0], parameters, 1)
+    belief = Belief(np.where(sd < 1.0, true, 0.0), np.diag(sd**2))
+    found = motion.fit(belief, np.random.default_rng(0), lambda: None)[0]
+    one, began = parameters.read(found)[0], parameters.read(belief.mean)[0]
+    np.testing.assert_allclose(one.com[:2], right.com[:2], atol=0.004)
+    np.testing.assert_allclose(one.offset, right.offset, atol=np.radians(0.8))
+    missed = [motion.missed(RES.as_identified(r), LEAN) for r in (began, one)]
+    before, after = (np.sqrt(np.mean(m[:, :12] ** 2)) for m in missed)
+    assert after < 0.3 * before
+
+
+@pytest.mark.slow
 def test_a_robot_that_stands_tells_how_late_its_imu_is(monkeypatch):
     """Where all else is known, floor included; one round of replays."""
     monkeypatch.setitem(motion_fit.ROUGH, "standing", 1.0)
@@ -150,7 +178,7 @@ def test_the_damping_of_servos_that_have_none_stays_unknown(monkeypatch):
     softer = replace(Identified.of_file(count), gain=np.full(count, 0.8))
     part = MotionLog(seen, replay(robot.as_identified(softer), seen, LEAN, World()))
     log = ExerciseLog(robot.name, robot.fingerprint, names, CONTROL_PERIOD_S, (part,))
-    monkeypatch.setitem(motion_fit.SEARCHES, "held", 2)
+    monkeypatch.setattr(motion_fit, "SEARCHES", 2)
     monkeypatch.setattr(motion_fit, "REPLAYS", 40)
     monkeypatch.setitem(motion_fit.SURE_REPLAYS, "held", 76)
     monkeypatch.setattr(motion_fit, "EXPLAINED", np.inf)
@@ -292,8 +320,8 @@ def test_a_library_is_fitted_by_the_command_line(tmp_path, monkeypatch, capsys):
 
     Interrupted there it has shown the fit, and goes on with the same one.
     """
-    monkeypatch.setitem(motion_fit.SEARCHES, "held", 1)
-    monkeypatch.setitem(motion_fit.ROUNDS, "held", (Round(0.2),))
+    monkeypatch.setattr(motion_fit, "SEARCHES", 1)
+    monkeypatch.setattr(motion_fit, "ROUNDS", (Round(0.2),))
     monkeypatch.setattr(motion_fit, "REPLAYS", 60)
     monkeypatch.setitem(motion_fit.SURE_REPLAYS, "held", 76)
     fits, adapt = [], identify.adapt

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gaitchain.build.jobs import arrivals
 from gaitchain.errors import LogError
 from gaitchain.identify.certainty import ALIKE, information, known
+from gaitchain.identify.chord import Prior, follow, slopes
 from gaitchain.identify.joint_search import Group, JointSearch
 from gaitchain.identify.log import Measured, MotionLog
 from gaitchain.identify.parameters import OF_JOINTS, OF_SERVOS, Parameters
@@ -26,24 +27,23 @@ class Round(NamedTuple):
     """Of those by which a joint differs from others that are alike."""
 
 
-# A robot that stands shows what a few numbers do together; one that swings its legs,
-# what each does: there each joint's own numbers are searched first. Where that does not
-# explain the log, play, damping and friction are fitted as those of all joints: what
-# each has of its own is tried near the rest of the numbers.
-SEARCHES = {"held": 12, "standing": 0}
-"""Rounds of the search joint by joint."""
+# One that swings its legs shows what each joint does: their own numbers are searched
+# first. Where that does not explain the log, play, damping and friction are fitted as
+# those of all joints: what each has of its own is tried near the rest of the numbers.
+SEARCHES = 12
+"""Rounds of the search joint by joint, of hung legs."""
 NEAR = (Round(0.1, 0.4), Round(0.05, 0.2))
 """Rounds of replays after a search that explains the log."""
-ROUNDS = {
-    "held": (
-        *(Round(spread) for spread in (0.8, 0.5, 0.3, 0.2, 0.1, 0.05)),
-        *(Round(0.1, own) for own in (1.0, 0.6, 0.4)),
-    ),
-    "standing": tuple(map(Round, (1.0, 0.8, 0.6, 0.4, 0.3, 0.2, 0.3, 0.15, 0.1))),
-}
+ROUNDS = (
+    *(Round(spread) for spread in (0.8, 0.5, 0.3, 0.2, 0.1, 0.05)),
+    *(Round(0.1, own) for own in (1.0, 0.6, 0.4)),
+)
 """Rounds of replays without one."""
 REPLAYS = 96
 """Number of replays in a round; more than numbers."""
+SMOOTH = 3
+"""Times that smooth slopes are taken of a robot that stands, at most."""
+_ANY = Round(1.0)
 ROUGH = {"held": 1.0, "standing": 5.0}
 """Times its residual that a row counts as: where soles touch the floor, slopes differ
 from place to place, and a search ends where more than noise is missed."""
@@ -55,6 +55,8 @@ _BLOCK = 25  # rows whose mean shows how alike residuals are
 EXPLAINED = 0.5 * (_BLOCK + 1)
 """Most likeness of a joint's residuals, see `_spread`, that are noise, mostly."""
 _LEAST_SPREAD = 0.03
+_ROUGHEN = "backlash_deg", "dry_friction", "stiction"  # what smooth slopes are without
+_SLOPE, _LEAST_SLOPE = 0.3, 0.1  # differences, of deviations; least of these
 _STEPS = (1.0, 0.5)  # parts of a Gauss-Newton step that are tried
 _LEAST_SD = (2e-4, 2e-3, 0.03)  # of joints, gyro and accelerometer
 _FALLEN = 1.0  # residual of a row that the replay did not reach; no joint's else [rad]
@@ -95,7 +97,8 @@ class MotionFit:
     @property
     def most_rounds(self) -> int:
         """Number of rounds of a fit, at most."""
-        return SEARCHES[self.support] + len(ROUNDS[self.support]) + 1
+        searched = self.support == "held"
+        return (SEARCHES + len(ROUNDS) if searched else 2 * SMOOTH) + 1
 
     def fit(
         self, belief: Belief, rng: np.random.Generator, begin: Callable[[], None]
@@ -107,16 +110,64 @@ class MotionFit:
             rng: source of randomness.
             begin: called before each round, and before the replays for the covariance.
         """
-        found, rounds = belief.mean, ROUNDS[self.support]
-        if SEARCHES[self.support]:
-            searched = self._search(belief, begin)
-            if self.explains(searched):
-                found, rounds = searched, NEAR
-        for around in rounds:
-            begin()
-            found = self.improve(found, belief, around, rng)
+        if self.support == "held":
+            found = self._swung(belief, rng, begin)
+        else:
+            found = self._settled(belief, rng, begin)
         begin()
         return found, self.certainty(found, belief, rng)
+
+    def _swung(
+        self, belief: Belief, rng: np.random.Generator, begin: Callable[[], None]
+    ) -> Array:
+        """Return the numbers of hung legs: searched, then by rounds of replays."""
+        found = self._search(belief, begin)
+        explained = self.explains(found)
+        found = found if explained else belief.mean
+        for around in NEAR if explained else ROUNDS:
+            begin()
+            found = self.improve(found, belief, around, rng)
+        return found
+
+    def _settled(
+        self, belief: Belief, rng: np.random.Generator, begin: Callable[[], None]
+    ) -> Array:
+        """Return the numbers of a robot that stands: by smooth slopes."""
+        found = belief.mean
+        if not all(self._stood(self._replays([found]))):
+            # Where it falls there are no slopes: begin near a replay that does not.
+            found = self.improve(found, belief, _ANY, rng)
+        least, most = self._parameters.least, self._parameters.most
+        precision = np.asarray(np.linalg.inv(belief.covariance))
+        prior = Prior(belief.mean, precision, least, most)
+        for _ in range(SMOOTH):
+            begin()
+            slope = self._smooth_slopes(found, belief)
+            begin()
+            found = follow(found, slope, prior, self._missed_with, self._weights)
+            if self.explains(found):
+                break
+        return found
+
+    def _smooth_slopes(self, at: Array, belief: Belief) -> Array:
+        """Return slopes of a robot without play and dry friction."""
+        sd, by = np.sqrt(np.diag(belief.covariance)), np.zeros(len(at))
+        ((_, numbers),) = self._effects()
+        by[numbers] = _SLOPE * np.maximum(sd, _LEAST_SLOPE)[numbers]
+        plain = self._parameters.without(at, *_ROUGHEN)
+        ahead, behind = (self._clipped(plain + np.diag(way * by)) for way in (1, -1))
+        return slopes(ahead, behind, self._missed_standing)
+
+    def _missed_with(self, vectors: Array) -> Array:
+        """Return what replays with these numbers miss, (M, N, 2 n + 6)."""
+        return np.array(list(map(self._table, self._replays(vectors))))
+
+    def _missed_standing(self, vectors: Array) -> Array:
+        """Return the same; NaN of replays that fell."""
+        replays = self._replays(vectors)
+        tables = np.array(list(map(self._table, replays)))
+        tables[~self._stood(replays)] = np.nan
+        return tables
 
     def explains(self, vector: Array) -> bool:
         """Return whether a replay with these numbers misses joints by noise, mostly.
@@ -132,7 +183,7 @@ class MotionFit:
         """Return the numbers that a search joint by joint finds."""
         rng = np.random.default_rng(_SEARCH_BANK)
         search = JointSearch(*belief, self._groups())
-        for _ in range(SEARCHES[self.support]):
+        for _ in range(SEARCHES):
             begin()
             self._select(search, rng)
         return self._clipped(search.found)

@@ -166,6 +166,12 @@ class Parameters:
         covariance[own, own] = 1.0
         return mean, covariance
 
+    def without(self, vector: Array, *names: str) -> Array:
+        """Return a vector in which the numbers of those names are the least."""
+        vector, own = vector.copy(), self.of(*names)
+        vector[own] = self.least[own]
+        return vector
+
     def values(self, vector: Array) -> Array:
         """Return the numbers in their own units."""
         return np.asarray(self._mean + self._sd * vector)
