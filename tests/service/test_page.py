@@ -648,6 +648,20 @@ def test_plots_are_drawn_and_joints_chosen(visit, server, see):
         assert _drawn(page, name)
 
 
+def test_a_plot_that_was_hidden_and_is_seen_again_is_drawn(visit, server):
+    """A busy page hears of both at once, the older one first."""
+    server.set(joint_load=(5.0,) * len(server.frame["joint_position"]))
+    late = """const Real = IntersectionObserver;
+    window.IntersectionObserver = class extends Real {
+      constructor(tell) {
+        super((news) => tell([{ isIntersecting: false }, ...news]));
+      }
+    };"""
+    page = visit(prepare=lambda context: context.add_init_script(late))
+    page.locator("#balance").scroll_into_view_if_needed()
+    assert _drawn(page, "balance")
+
+
 def _drawn(page, name):
     """Wait until a canvas is no longer empty."""
     differs = (

@@ -8,8 +8,8 @@ export class Plot {
   /** draw: takes (context, width, height, colours), in CSS pixels. */
   constructor(canvas, draw) {
     Object.assign(this, { canvas, draw });
-    new IntersectionObserver(([entry]) => {
-      this.#seen = entry.isIntersecting;
+    new IntersectionObserver((entries) => {
+      this.#seen = entries.at(-1).isIntersecting; // the newest, where several have come
       this.ask();
     }).observe(canvas);
     new ResizeObserver(() => this.ask()).observe(canvas);
