@@ -1,6 +1,7 @@
 """The control loop on the simulator: modes, requests, faults; the robot ends safe."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -603,6 +604,48 @@ def test_rest_lets_a_standing_robot_go():
     live.run(0.02)
     assert live.mode is Mode.OFF
     assert not live.robot.engaged
+
+
+def test_the_attitude_of_a_robot_at_rest_is_followed_as_it_falls():
+    live = Live().run(3.0)
+    live.ask(Rest("me"), PushRobot("me", 5.0, 0.0))
+    for _ in range(30):
+        live.run(0.1)
+        pitch = live.last.estimated_tilt[1]  # a roll means nothing where it lies
+        assert pitch == pytest.approx(live.robot.tilt[1], abs=0.25)  # blows and all
+    assert pitch == pytest.approx(0.5 * math.pi, abs=0.02)
+
+
+def test_a_robot_that_lies_there_is_not_started_and_has_not_fallen_just_now():
+    live = Live().run(3.0)
+    live.ask(Rest("me"))
+    live.run(3.0)
+    assert (live.mode, live.robot.fallen) == (Mode.OFF, True)
+    live.ask(Start("me"))
+    live.run(1.0)
+    assert (live.mode, live.robot.engaged) == (Mode.STOPPED, False)
+    assert re.fullmatch(
+        r"lies there: the trunk leans by \d+ deg, limit 50; .* reset", live.last.reason
+    )
+    assert not live.last.fell
+    assert live.happened("mode")[-1].startswith("off to stopped: lies there")
+    live.ask(Reset("me"))
+    live.run(3.0)
+    assert live.mode is Mode.STANDING
+
+
+def test_a_robot_that_was_set_up_by_hand_is_started():
+    live = Live(backend=FaultyRobot(physical=True))
+    leans, upright = np.array([GRAVITY, 0.0, 0.0]), np.array([0.0, 0.0, GRAVITY])
+    felt = leans
+    live.robot.spoil = lambda sensors: replace(sensors, acceleration=felt)
+    live.run(3.0)
+    assert live.last.estimated_tilt[1] == pytest.approx(-0.5 * math.pi, abs=0.02)
+    felt = upright
+    live.run(3.0)
+    live.ask(Start("me"))
+    live.run(0.1)
+    assert live.mode is Mode.RISING
 
 
 def test_a_real_robot_is_not_pushed_from_here():

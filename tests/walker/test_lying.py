@@ -48,6 +48,12 @@ def test_a_trunk_that_rolls_over_keeps_its_heading():
     assert abs(lying.yaw - BEGAN.yaw) <= math.pi  # it goes on, whatever the turns
 
 
+def test_roll_and_pitch_are_those_of_the_trunk():
+    lying, turn = followed()
+    roll, pitch = math.atan2(turn[2, 1], turn[2, 2]), -math.asin(turn[2, 0])
+    assert lying.tilt == pytest.approx((roll, pitch), abs=math.radians(1.0))
+
+
 def test_the_bias_is_learned_as_it_lies():
     """For a minute, with what a short stand leaves unknown of a gyro."""
     lying = Lying(Attitude(), np.zeros(3), PERIOD_S)

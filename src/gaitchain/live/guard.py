@@ -176,6 +176,24 @@ class Guard:
         self._age(sensors, loads, target, elapsed_s, moving)
         return self.silence() or self._strain() or self._implausible(sensors)
 
+    def lying(self, sensors: Sensors | None, elapsed_s: float) -> Trouble | None:
+        """Follow how a limp robot leans; return that it lies there, if it does.
+
+        Args:
+            sensors: what `mend` returned.
+            elapsed_s: since the sensors before [s].
+        """
+        if sensors is None or not self._has_imu:
+            return None
+        tilt, most = self._tilt.feel(sensors, elapsed_s), self.bounds.tilt
+        if tilt <= most:
+            return None
+        return Trouble(
+            TroubleKind.LYING,
+            f"lies there: the trunk leans by {math.degrees(tilt):.0f} deg, limit "
+            f"{math.degrees(most):.0f}; let it get up, or set it up and reset",
+        )
+
     def _age(
         self,
         sensors: Sensors,

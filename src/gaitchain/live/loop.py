@@ -151,7 +151,9 @@ class ControlLoop:
         else:
             self._lost = ""
         self._sensors = self._guard.mend(self._read, elapsed_s)
-        if self.modes.mode in LIMP:
+        limp = self.modes.mode in LIMP
+        self.modes.lying = self._guard.lying(self._sensors, elapsed_s) if limp else None
+        if limp:
             return None
         found = self._judge(self._sensors, elapsed_s)
         if found is not None and found.kind is TroubleKind.FALL:

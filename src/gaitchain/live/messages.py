@@ -52,6 +52,8 @@ class TroubleKind(StrEnum):
     """Why the robot is SAFE or STOPPED."""
 
     FALL = "fall"
+    LYING = "lying"
+    """It lay there when it was asked to start: no fall of now."""
     EMERGENCY_STOP = "emergency_stop"
     SENSORS = "sensors"
     """Silent, late, stuck, or not to be believed."""

@@ -40,7 +40,6 @@ _DriverAsks = (
     | ask.Errand
 )
 _STOPPED = "a stop is in force; send a zero command first"
-_LYING = (Mode.STOPPED, Mode.GETTING_UP, Mode.RISING)
 BALANCED = (Mode.STANDING, Mode.WALKING)
 """Modes in which the walker balances the robot."""
 _FROM = {
@@ -103,6 +102,8 @@ class ModeMachine:
         self._connected = connected
         self.held: Trouble | None = None
         """What stopped the robot in a loop before this one: it stays stopped."""
+        self.lying: Trouble | None = None
+        """That the limp robot lies there, as the guard finds."""
 
     def handle(self, request: Request, now_s: float) -> None:
         """Carry out one request.
@@ -172,12 +173,14 @@ class ModeMachine:
             self._move_on(now_s)
 
     def lie(self, read: Sensors) -> None:
-        """Let the walker follow how a robot turns that fell, or gets up.
+        """Let the walker follow how a robot turns that it does not balance.
+
+        It may fall: limp by an emergency stop or at rest, or as it rises.
 
         Args:
             read: as measured, NaN or absurd where nothing sound came.
         """
-        if self.mode in _LYING:
+        if self.mode not in BALANCED:
             self._walker.lie(read)
 
     # Requests.
@@ -236,7 +239,10 @@ class ModeMachine:
         self._events.add_refusal(f"{ask.refusal(request)}{why}")
 
     def _start(self, request: ask.Start) -> None:
-        """Rise from where the joints are now."""
+        """Rise from where the joints are now, unless it lies on the floor."""
+        if self.lying is not None:
+            self._torque_off(self.lying)
+            return
         if beyond := self._limiter.beyond(self._stand):
             why = f"the standing pose is out of reach: {beyond}; calibrate it again"
             self._refuse(request, why)
@@ -259,8 +265,8 @@ class ModeMachine:
     @property
     def can_get_up(self) -> bool:
         """Whether it lies there and knows a way up."""
-        fell = self.mode is Mode.STOPPED and self.trouble is TroubleKind.FALL
-        return fell and self.up.able
+        lies = self.trouble in (TroubleKind.FALL, TroubleKind.LYING)
+        return self.mode is Mode.STOPPED and lies and self.up.able
 
     def _begin_to_get_up(self, request: ask.GetUp) -> None:
         if not self.can_get_up:

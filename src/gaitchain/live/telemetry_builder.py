@@ -1,6 +1,8 @@
 """The telemetry of the loop, built from what walker, backend and loop know."""
 
-from gaitchain.analysis.recorder import estimated_tilt, planned_support, planned_zmp
+import math
+
+from gaitchain.analysis.recorder import planned_support, planned_zmp
 from gaitchain.backends.base import numbers
 from gaitchain.live.event_log import EventLog
 from gaitchain.live.messages import Choice, Pace, Telemetry
@@ -15,6 +17,7 @@ from gaitchain.walker.walker import Walker
 TRUTH_S = 0.01
 """Between two rows with the simulator's truth [s]."""
 _RUNNERS_UP = 8
+_UNKNOWN = math.nan, math.nan
 
 
 class TelemetryBuilder:
@@ -81,7 +84,7 @@ class TelemetryBuilder:
             load_unit=self._backend.load_unit,
             angular_velocity=numbers(sensors.angular_velocity),
             acceleration=numbers(sensors.acceleration),
-            estimated_tilt=estimated_tilt(walker.gait),
+            estimated_tilt=walker.tilt or _UNKNOWN,
             planned_zmp=planned_zmp(walker.gait),
             support=planned_support(walker.gait),
             steps=walker.gait.steps,

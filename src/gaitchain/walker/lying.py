@@ -1,4 +1,4 @@
-"""The heading of a robot that nobody balances: it falls, lies, and gets up. Ours.
+"""The attitude of a robot that nobody balances: it falls, lies, and gets up. Ours.
 
 Who balances has Euler angles, which end where a trunk leans by 90 deg, and the soles to
 correct them. Here the gyro turns two directions, as the trunk sees them, and gravity
@@ -50,6 +50,12 @@ class Lying:
         self._turn(off * self._period_s)
         self._learn(off)
         self._settle(sensors.acceleration)
+
+    @property
+    def tilt(self) -> tuple[float, float]:
+        """Roll and pitch, as the Euler angles of who is balanced [rad]."""
+        ahead, left, up = self._up.tolist()
+        return math.atan2(left, up), math.atan2(-ahead, math.hypot(left, up))
 
     @property
     def yaw(self) -> float | None:

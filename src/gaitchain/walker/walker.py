@@ -170,7 +170,7 @@ class Walker:
             self._odometry.reset()
 
     def lie(self, sensors: Sensors) -> None:
-        """Follow the heading of a robot that nobody balances, as it falls and lies.
+        """Follow the attitude of a robot that nobody balances, as it falls and lies.
 
         Called in place of `step`, once per control period, until `reset` with `fell`.
 
@@ -407,6 +407,17 @@ class Walker:
         None before `keep_odometry`, and for key poses.
         """
         return None if self._odometry is None else self._odometry.latest
+
+    @property
+    def tilt(self) -> tuple[float, float] | None:
+        """Estimated roll and pitch of the trunk, also of who lies [rad].
+
+        By `step`, or by `lie` where that was called last; None for key poses.
+        """
+        if self._lying is not None:
+            return self._lying.tilt
+        found = self.gait.estimate
+        return None if found is None else (found.roll, found.pitch)
 
     @property
     def decision(self) -> Decision | None:
