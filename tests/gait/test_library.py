@@ -248,6 +248,66 @@ def test_a_robot_without_lengths_is_refused(length, value):
         parse_library(signed(content, robot=changed), "sealed")
 
 
+@pytest.mark.parametrize(
+    "name, value, limit",
+    [
+        ("servo_stiffness", 0, "above 0"),
+        ("servo_stiffness", 0.01, "0.1 to 1e\\+06"),
+        ("trunk_length", -1, "0.02 to 3"),
+        ("joint_angle_limit", 180, "0.174533 to 3.14159"),
+    ],
+)
+def test_a_robots_number_outside_its_limits_is_refused_by_name(name, value, limit):
+    content, facts = shipped_facts()
+    robot = facts["robot"]
+    changed = {**robot, "numbers": {**robot["numbers"], name: value}}
+    with pytest.raises(LibraryError, match=f"{name} of the robot is {value}.*{limit}"):
+        parse_library(signed(content, robot=changed), "sealed")
+
+
+@pytest.mark.parametrize("name", ["\ud800", "", "a\n", "x" * 2000, None, ["RES"]])
+def test_a_robots_name_that_cannot_be_shown_is_refused(name):
+    content, facts = shipped_facts()
+    robot = {**facts["robot"], "name": name}
+    with pytest.raises(LibraryError, match=r"name = .*: expected") as refused:
+        parse_library(signed(content, robot=robot), "sealed")
+    assert str(refused.value).isprintable()
+
+
+def test_impossible_results_of_tests_are_refused():
+    content, facts = shipped_facts()
+    grid = facts["qualification"]["grid"]
+    first, *others = grid["cells"]
+    for passes, told in ((-(10**18), ">= 0"), (first["runs"] + 1, "at most")):
+        cells = [{**first, "passes": passes}, *others]
+        tested = {**facts["qualification"], "grid": {**grid, "cells": cells}}
+        with pytest.raises(LibraryError, match=told):
+            parse_library(signed(content, qualification=tested), "sealed")
+
+
+@pytest.mark.parametrize("end", [(1e308, 0.1), (-1e308, 0.1), (0.2, 0.1), (0, np.nan)])
+def test_a_range_that_nothing_walks_is_refused(end):
+    content, facts = shipped_facts()
+    steady = [*facts["steady"][:2], end]
+    with pytest.raises(LibraryError, match="steady: yaw_rate from"):
+        parse_library(signed(content, steady=steady), "sealed")
+
+
+@pytest.mark.parametrize(
+    "name, value, told",
+    [
+        ("parameters_3", np.nan, "has nan, each number must be finite"),
+        ("path_cost_2", -1.0, "has -1, each number must be 0 or more"),
+        ("edge_cost_1", np.nan, "has nan, each number must be 0 or more"),
+    ],
+)
+def test_numbers_of_a_table_are_refused_by_name(name, value, told):
+    content, _ = shipped_facts()
+    table = np.full_like(load(content)[name], value)
+    with pytest.raises(LibraryError, match=f"{name} {told}"):
+        parse_library(signed(content, {name: table}), "sealed")
+
+
 def test_names_of_what_was_identified_without_its_numbers_are_refused():
     content, facts = shipped_facts()
     names = list(Identified.of_file(12).facts())

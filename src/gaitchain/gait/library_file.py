@@ -3,7 +3,7 @@
 import hashlib
 import json
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
@@ -18,7 +18,7 @@ from gaitchain.chain.layered_chain import LayeredChain
 from gaitchain.chain.recovery import Recovery
 from gaitchain.errors import GaitchainError, LibraryError, file_errors
 from gaitchain.gait.build_config import BuildConfig
-from gaitchain.gait.command_range import CommandRange
+from gaitchain.gait.command_range import AXES, CommandRange
 from gaitchain.gait.families import family_named
 from gaitchain.gait.family import LAYERS
 from gaitchain.gait.file_kind import other_kind
@@ -36,6 +36,7 @@ SCHEMA = 10
 _SHIPPED = Path(__file__).parents[1] / "data"
 _KEY = "gaitchain"  # the only metadata entry, as the order of several is not defined
 _MOST_BYTES = 100_000_000  # a library has less than one
+_FASTEST = 100.0  # m/s or rad/s
 _SHOWN = 4  # differences between robots that an error message names
 # What a header raises that is JSON, but of other types or values than ours.
 _INCONSISTENT = (
@@ -268,7 +269,14 @@ def _assemble(arrays: Mapping[str, NDArray[Any]], header: Any) -> GaitLibrary:
 def _steady(ends: Any) -> CommandRange | None:
     if ends is None:
         return None
-    return CommandRange(*((float(low), float(high)) for low, high in ends))
+    found = CommandRange(*((float(low), float(high)) for low, high in ends))
+    for axis, (low, high) in zip(AXES, found.ends, strict=True):
+        if not -_FASTEST <= low <= high <= _FASTEST:
+            raise ValueError(
+                f"steady: {axis} from {low:g} to {high:g}, must rise within "
+                f"{-_FASTEST:g} to {_FASTEST:g}"
+            )
+    return found
 
 
 def _grid_verdict(arrays: Mapping[str, NDArray[Any]]) -> GridVerdict | None:
@@ -342,20 +350,47 @@ def _check_shapes(library: GaitLibrary, origin: str) -> None:
 
 def _check_numbers(library: GaitLibrary, origin: str) -> None:
     """Check that costs and what is known of steps are numbers; a cost may be inf."""
-    costs = (*library.edge_costs, *library.path_costs)
-    bad = any(bool(np.isnan(c).any() or (c == -np.inf).any()) for c in costs)
+    costs = {"edge_cost": library.edge_costs, "path_cost": library.path_costs}
+    for name, found in costs.items():
+        _check_each(name, found, origin, lambda c: c >= 0.0, "0 or more")
+    poses = library.poses.parameters
+    _check_each("parameters", poses, origin, np.isfinite, "finite")
     of_robot = library.usual_off, library.usual_spread
     usual = np.append([library.pair_error, library.pair_slip], of_robot)
     signed = np.append(library.pair_advance, library.slides)
     finite = np.isfinite(signed).all() and np.isfinite(usual).all()
-    if bad or not finite or (usual < 0.0).any():
+    if not finite or (usual < 0.0).any():
         raise LibraryError(
-            f"{origin}: inconsistent: a cost, advance, error or slip is not a number"
+            f"{origin}: inconsistent: an advance, error or slip is not a number"
         )
 
 
+def _check_each(
+    name: str,
+    layers: Sequence[NDArray[Any]],
+    origin: str,
+    sound: Callable[[NDArray[Any]], NDArray[np.bool_]],
+    needed: str,
+) -> None:
+    """Check each number of a table that there is for every layer."""
+    for layer, table in enumerate(layers, start=1):
+        bad = table[~sound(table)]
+        if bad.size:
+            raise LibraryError(
+                f"{origin}: inconsistent: {name}_{layer} has {bad[0]:g}, each number "
+                f"must be {needed}"
+            )
+
+
 def _check_passes(library: GaitLibrary, origin: str) -> None:
-    """Check that no step held more often than it was walked."""
+    """Check that nothing held more often than it was walked."""
+    tested = library.qualification.grid
+    for cell in () if tested is None else tested.cells:
+        if cell.passes > cell.runs:
+            raise LibraryError(
+                f"{origin}: inconsistent: {cell.passes} walks held in the world "
+                f"{cell.name!r:.80}, at most {cell.runs} were walked"
+            )
     grid = library.grid
     verdicts = [(library.pair_runs, library.pair_passes)]
     verdicts += [(grid.runs, grid.passes)] if grid is not None else []

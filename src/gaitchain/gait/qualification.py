@@ -2,13 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.chain.layered_chain import IntArray
+
+Count = Annotated[int, msgspec.Meta(ge=0)]
+"""A number of things."""
 
 
 @dataclass(frozen=True)
@@ -17,17 +20,17 @@ class GateReport:
 
     passed: bool
     """Whether the last round passed."""
-    rounds: int
+    rounds: Count
     """Number of rounds."""
-    schedules: int
+    schedules: Count
     """Schedules in each round."""
-    survived: int
+    survived: Count
     """Schedules of the last round without a fall."""
     feedback: bool
     """Whether they were walked with feedback."""
     worlds: Mapping[str, Any] = field(default_factory=dict)
     """Range of the worlds, with the fields of `sim.world_range.WorldRange`."""
-    with_faults: int | None = None
+    with_faults: Count | None = None
     """Schedules of the last round in worlds with faults of servos and sensors that
     held, too few; None if the worlds above have such faults, or none were asked for."""
 
@@ -46,9 +49,9 @@ class GateReport:
 class OwnModel:
     """What was walked of a robot's own model."""
 
-    joints: int
+    joints: Count
     """Without the base's."""
-    actuators: int
+    actuators: Count
     timestep_s: float
     friction: float
     """Sliding friction of the soles, the least of them."""
@@ -56,11 +59,11 @@ class OwnModel:
     """Time constant of the soles' contacts, the largest of them [s]."""
     integrator: str = ""
     """Which one, and why, where it is not the file's."""
-    parted: int = 0
+    parted: Count = 0
     """Pairs of links that pass through each other, as they overlap where it stands."""
     step: str = ""
     """Which time step, and why, where it is not the file's."""
-    left_out: int = 0
+    left_out: Count = 0
     """Actuators that would pull at the legs by a tendon or a crank, without targets."""
     gains: str = ""
     """Stiffness of the legs' servos, and that of the file, where it is another one."""
@@ -92,11 +95,11 @@ class OwnReport:
 
     passed: bool
     """Whether the last round passed."""
-    rounds: int = 0
+    rounds: Count = 0
     """Number of rounds."""
-    schedules: int = 0
+    schedules: Count = 0
     """Schedules in each round."""
-    survived: int = 0
+    survived: Count = 0
     """Schedules of the last round without a fall."""
     model: OwnModel | None = None
     """What was walked; None if it could not be."""
@@ -123,13 +126,13 @@ class CellReport:
     """Whether the library must pass here."""
     numbers: tuple[tuple[str, float], ...]
     """(disturbance, level) of those that are not nominal."""
-    runs: int
+    runs: Count
     """Number of walks of commands."""
-    passes: int
+    passes: Count
     """Number of these without a fall."""
-    groups: Mapping[str, tuple[int, int]]
+    groups: Mapping[str, tuple[Count, Count]]
     """Number of walks, and of those without a fall, for each group of commands."""
-    steps: tuple[int, int]
+    steps: tuple[Count, Count]
     """Number of different steps that were walked, and of those that ever fell."""
 
 
@@ -139,7 +142,7 @@ class GridReport:
 
     passed: bool
     """Whether enough walks did not fall, and the remaining steps form a walk."""
-    rounds: int
+    rounds: Count
     """Number of rounds."""
     share: float
     """Part of the walks in a required world that must not fall."""
@@ -159,9 +162,9 @@ class Stratum:
 
     name: str
     """What they have in common."""
-    walks: int
-    steps: int
-    falls: int
+    walks: Count
+    steps: Count
+    falls: Count
     low: float
     """Least rate of falls per step that they leave possible."""
     high: float
@@ -176,8 +179,8 @@ class StepStratum:
     """First pose."""
     last: int
     """Last pose."""
-    walked: int
-    falls: int
+    walked: Count
+    falls: Count
     low: float
     """Least rate of falls per visit that the walks leave possible."""
     high: float
@@ -188,9 +191,9 @@ class StepStratum:
 class StepStrata:
     """Steps of the chain in a proof; their intervals hold all together."""
 
-    allowed: int
+    allowed: Count
     """Number of different steps that the robot may make."""
-    walked: int
+    walked: Count
     """Number of those that it made."""
     never: tuple[tuple[int, int], ...]
     """First and last pose of steps that were never walked."""
@@ -208,8 +211,8 @@ class ChosenWalks:
 
     names: tuple[str, ...]
     """Of these worlds and models, with one walk each."""
-    steps: int
-    falls: int
+    steps: Count
+    falls: Count
 
 
 @dataclass(frozen=True)

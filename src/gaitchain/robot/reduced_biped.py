@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from gaitchain.errors import RobotFileError, short_name
+from gaitchain.errors import RobotFileError
 
 _DEGREE = math.pi / 180.0
+_LONGEST_NAME = 1000
 _MISTAKEN = {"m": ("lengths", "mm"), "kg": ("masses", "g")}
 
 
@@ -111,12 +112,13 @@ def parse_biped(table: Mapping[str, Any], origin: str) -> ReducedBiped:
     """
     quantities = {f.name: f.metadata for f in fields(ReducedBiped) if f.metadata}
     _refuse_unknown(table, {"name", *quantities}, origin)
-    name = table.get("name")
-    if not isinstance(name, str) or not name:
-        raise RobotFileError(f"{origin}: name = {name!r}: expected a non-empty string")
+    try:
+        name = checked_name(table.get("name"))
+    except ValueError as error:
+        raise RobotFileError(f"{origin}: {error}") from None
     values = {k: _number(table, k, meta, origin) for k, meta in quantities.items()}
     sources = {k: str(table[k].get("source", "unsaid")) for k in quantities}
-    biped = ReducedBiped(name=short_name(name), sources=sources, **values)
+    biped = ReducedBiped(name=name, sources=sources, **values)
     _check_sole(biped, origin)
     return biped
 
@@ -142,6 +144,29 @@ def check_units(biped: ReducedBiped, origin: str) -> None:
                 f"{quantity.metadata['high']:g} {unit} are allowed; MJCF and URDF have "
                 f"{kind} in {unit}; if the file's are in {other}, divide them by 1000"
             )
+
+
+def checked_name(name: object) -> str:
+    """Return the name of a robot.
+
+    Raises:
+        ValueError: it cannot be shown in one line, or sent as text.
+    """
+    if isinstance(name, str) and name.isprintable() and 0 < len(name) <= _LONGEST_NAME:
+        return name
+    raise ValueError(
+        f"name = {name!a:.80}: expected a non-empty string of at most "
+        f"{_LONGEST_NAME} characters that can be printed"
+    )
+
+
+def quantity_limits() -> dict[str, tuple[float, float]]:
+    """Return the least and the greatest that each quantity may be, in SI units."""
+    return {
+        f.name: (f.metadata["low"] * scale, f.metadata["high"] * scale)
+        for f in fields(ReducedBiped)
+        if (scale := f.metadata.get("scale"))
+    }
 
 
 def quantity_units(biped: ReducedBiped) -> dict[str, tuple[float, str]]:

@@ -1,5 +1,6 @@
 """Serialise a robot for library and record files: a header and arrays."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
@@ -7,13 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.errors import names_apart, short_name
+from gaitchain.errors import names_apart
 from gaitchain.robot.box_robot import box_robot
 from gaitchain.robot.identified import identified_from
 from gaitchain.robot.leg_model import legs_from
-from gaitchain.robot.reduced_biped import ReducedBiped
+from gaitchain.robot.reduced_biped import ReducedBiped, checked_name, quantity_limits
 from gaitchain.robot.robot import Robot
 
+_ABOVE_0 = "femur_length", "crus_length", "servo_stiffness"
 PREFIX = "anatomy_"
 """Prefix of the array names of a full robot."""
 
@@ -64,22 +66,39 @@ def _servo_gain(given: object) -> float:
     )
 
 
+def _check_numbers(
+    numbers: Mapping[str, float], given: Mapping[str, Any], *, boxes: bool
+) -> None:
+    """Refuse what no robot's file could have said.
+
+    A box robot's file has limits. What others reduce to may be of any size.
+
+    Raises:
+        ValueError: a number is outside its limits.
+    """
+    for name, (low, high) in quantity_limits().items():
+        number, shown = numbers[name], f"{name} of the robot is {given[name]!r:.80}"
+        if not math.isfinite(number):
+            raise ValueError(f"{shown}, must be finite")
+        if name in _ABOVE_0 and not number > 0.0:
+            raise ValueError(f"{shown}, must be above 0")
+        if boxes and not low <= number <= high:
+            raise ValueError(f"{shown}, must be {low:.6g} to {high:.6g}, in SI units")
+        if low > 0.0 > number:
+            raise ValueError(f"{shown}, must be 0 or more")
+
+
 def _of_file(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Robot:
     wanted = {f.name for f in fields(ReducedBiped) if f.metadata}
     given = dict(facts["numbers"])
     numbers: dict[str, Any] = {name: float(number) for name, number in given.items()}
     if set(numbers) != wanted:
         raise ValueError(f"numbers of the robot {names_apart(numbers, wanted)}")
-    for name, number in numbers.items():
-        if not np.isfinite(number):
-            raise ValueError(f"{name} of the robot is {number}, must be finite")
-    for name in ("mass", "femur_length", "crus_length"):
-        if name in numbers and not numbers[name] > 0.0:
-            raise ValueError(
-                f"{name} of the robot is {given[name]!r:.80}, must be above 0"
-            )
-    reduced = ReducedBiped(name=short_name(str(facts["name"])), sources={}, **numbers)
-    if facts.get("anatomy") is None:
+    boxes = facts.get("anatomy") is None
+    _check_numbers(numbers, given, boxes=boxes)
+    name = checked_name(facts["name"])
+    reduced = ReducedBiped(name=name, sources={}, **numbers)
+    if boxes:
         return box_robot(reduced)
     own = {
         name.removeprefix(PREFIX): array
