@@ -181,6 +181,14 @@ def test_a_command_out_of_range_is_carried_out_as_far_as_it_goes(walking):
     assert walking.last.command[0] == pytest.approx(most)
 
 
+def test_a_note_of_the_walk_ends_with_it(walking):
+    walking.run(0.1, drive=(5.0, 0.0, 0.0))
+    assert walking.last.note
+    walking.ask(EmergencyStop("me"))
+    walking.run(0.1)
+    assert (walking.mode, walking.last.note) == (Mode.STOPPED, "")
+
+
 def test_a_push_is_carried_out_and_told(walking):
     before = float(walking.robot.data.qvel[1])
     walking.ask(PushRobot("me", 10.0, 90.0))

@@ -75,7 +75,7 @@ class TelemetryBuilder:
             command=modes.command.motion,
             crouch_asked=modes.lease.asked.crouch,
             crouch=modes.command.crouch,
-            note=walker.note,
+            note=walker.note if modes.mode in BALANCED else "",
             status=status,
             joint_position=numbers(sensors.joint_position),
             joint_velocity=numbers(sensors.joint_velocity),
