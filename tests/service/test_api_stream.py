@@ -268,6 +268,16 @@ def test_a_stop_is_taken_while_a_complaint_waits_for_a_client_that_reads_nothing
     assert hub.acts == ["stop", "emergency_stop"]
 
 
+@pytest.mark.parametrize("kind", ["stop", "emergency_stop"])
+def test_a_stop_is_done_whatever_else_its_message_says_which_is_told(kind):
+    hub = FakeHub(ApiLimits())
+    socket = FakeSocket(json.dumps({"type": kind, "foo": []}))
+    asyncio.run(socket.serve(hub))
+    assert hub.acts == [kind]
+    assert len(socket.sent) == 1
+    assert "foo" in socket.sent[0]
+
+
 def test_the_latest_complaint_is_the_one_that_is_sent():
     hub, socket = FakeHub(ApiLimits()), FakeSocket("[", '{"type": "fly"}')
     asyncio.run(socket.serve(hub))

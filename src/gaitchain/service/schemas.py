@@ -256,6 +256,18 @@ MESSAGES: TypeAdapter[AnyMessage] = TypeAdapter(
 """Reads the messages of the telemetry stream."""
 
 
+class _AnyStop(BaseModel):
+    """A stop, whatever else is said with it."""
+
+    model_config = ConfigDict(strict=True, extra="ignore")
+
+    type: Literal["stop", "emergency_stop"]
+
+
+STOPS = TypeAdapter(_AnyStop)
+"""Finds a stop in a message of the stream that is otherwise wrong."""
+
+
 class Problem(msgspec.Struct, frozen=True):
     """Why a request was refused."""
 

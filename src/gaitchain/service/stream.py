@@ -23,6 +23,7 @@ from gaitchain.service.frame import Framer
 from gaitchain.service.schemas import (
     DRIVER_PATTERN,
     MESSAGES,
+    STOPS,
     Complaint,
     DisturbMessage,
     DriveMessage,
@@ -233,7 +234,8 @@ class Client:
         try:
             message = MESSAGES.validate_json(text)
         except ValidationError as error:
-            return fault_text(error.errors(include_url=False))
+            refusal = self._stop_anyway(text)
+            return refusal or fault_text(error.errors(include_url=False))
         if only_stops and message.type not in ALWAYS_SENT:
             return None
         gateway = self._hub.gateway
@@ -258,6 +260,16 @@ class Client:
             return str(refused)
         self.took = self.took or message.type not in ANYBODY
         return None
+
+    def _stop_anyway(self, text: str | bytes) -> str:
+        """Do a stop whatever else its message says; return why not, if it cannot be."""
+        try:
+            self._hub.gateway.act(self.driver, STOPS.validate_json(text).type)
+        except ValidationError:
+            return ""
+        except RefusedError as refused:
+            return str(refused)
+        return ""
 
     async def _complain(self, detail: str) -> None:
         await self._send(msgspec.json.encode(Complaint(detail)))
