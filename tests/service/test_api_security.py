@@ -164,8 +164,12 @@ def test_on_all_addresses_numbers_and_the_own_name_are_let_in():
 def test_a_browser_signs_in_by_its_address(here, stranger):
     for wrong in ("", "wrong", TOKEN.lower() + "x"):
         refused = stranger.get("/", params={"token": wrong})
-        assert refused.status_code == 401
+        assert refused.status_code == 303
         assert "set-cookie" not in refused.headers
+        assert "token=" not in refused.headers["location"]
+        form = stranger.get(refused.headers["location"])
+        assert form.status_code == 401
+        assert '<p role="alert">This token is wrong.' in form.text
     with _fresh(here) as browser:
         answer = browser.get("/", params={"token": TOKEN})
         assert (answer.status_code, answer.headers["location"]) == (303, "/")
@@ -214,6 +218,7 @@ def test_a_stranger_gets_a_form_instead_of_the_page(stranger):
     assert answer.headers["content-type"].startswith("text/html")
     assert 'type="password"' in answer.text
     assert "<script" not in answer.text
+    assert "alert" not in answer.text
     assert answer.headers["www-authenticate"] == "Bearer"
     assert answer.headers["cache-control"] == "no-store"
 
@@ -281,7 +286,8 @@ def _use(part, folder):
             assert part.poll() is None
             assert not deadline.passed()
             select.select([part.stderr], [], [], 0.05)
-        assert new.get("/", params={"token": "wrong"}).status_code == 401
+        wrong = new.get("/", params={"token": "wrong"}, follow_redirects=True)
+        assert wrong.status_code == 401
         assert new.get("/", params={"token": TOKEN}).status_code == 303
         assert new.get(f"{API}/state").status_code == 503
         assert new.get("/viewer/").status_code == 503

@@ -5,8 +5,6 @@ import hmac
 import ipaddress
 import re
 import socket
-from collections.abc import MutableMapping
-from typing import Any
 from urllib.parse import quote, unquote
 
 import msgspec
@@ -47,6 +45,8 @@ _HEADERS = {
     "cross-origin-opener-policy": "same-origin",
     "cross-origin-resource-policy": "same-origin",
 }
+_WRONG = "wrong-token"  # query of the form after a sign-in that failed
+_TOLD = '\n<p role="alert">This token is wrong. Nobody is signed in by it.</p>'
 _FORM = """<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>gaitchain</title>
 <meta name="viewport" content="width=device-width">
@@ -54,7 +54,7 @@ _FORM = """<!doctype html>
 <form action="/" method="get">
 <label>Token <input type="password" name="token" autocomplete="off" required></label>
 <button>Sign in</button>
-</form>
+</form>%s
 <p>The server printed the token when it was started.</p>
 </html>
 """
@@ -118,7 +118,7 @@ class Gate:
             return self._signed_in(request)
         signs_in = asked == ("POST", f"{API}/session")
         if not known and not signs_in:
-            return _stranger(scope)
+            return _stranger(request)
         origin = request.headers.get("origin")
         if scope.get("method") in _SAFE or origin is None or _same(origin, host):
             return None
@@ -141,9 +141,10 @@ class Gate:
         return not self._token or same_secret(token, self._token)
 
     def _signed_in(self, request: HTTPConnection) -> Response:
+        """Remember a token; redirect in any case, so that it leaves the address."""
         token = request.query_params["token"]
         if not self._knows(token):
-            return HTMLResponse(_FORM, 401, {"www-authenticate": "Bearer"})
+            return RedirectResponse(f"/?{_WRONG}", 303)
         answer = RedirectResponse("/", 303)
         if self._token:
             remember(answer, request, token)
@@ -203,10 +204,11 @@ def _presented(request: HTTPConnection) -> str:
     return unquote(request.cookies.get(cookie_of(_port(request)), ""))
 
 
-def _stranger(scope: MutableMapping[str, Any]) -> Response:
+def _stranger(request: HTTPConnection) -> Response:
+    scope, told = request.scope, _TOLD if _WRONG in request.query_params else ""
     headers = {"www-authenticate": "Bearer"}
     if scope["path"] == "/" and scope["type"] == "http":
-        return HTMLResponse(_FORM, 401, headers)
+        return HTMLResponse(_FORM % told, 401, headers)
     return problem(401, "no token, or a wrong one: see docs/api.md", headers)
 
 
