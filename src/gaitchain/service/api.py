@@ -177,7 +177,8 @@ def make_service(
     """
     span, disturbs = library.command_range, disturbance_limits(settings, library)
     feed = Feed(folder, FallWatch(library), limits.silent_s)
-    gateway = CommandGateway(feed, asker, library, disturbs)
+    replays = settings.replay is not None
+    gateway = CommandGateway(feed, asker, library, disturbs, replays=replays)
     framer = Framer(library.robot, span, kind_of(settings))
     return Service(
         feed=feed,

@@ -89,7 +89,13 @@ async def _named(
 
 Anyone = Annotated[str, Depends(_named)]
 Number = Annotated[
-    int, Query(ge=0, le=_LAST_NUMBER, description="Only events with higher numbers.")
+    int,
+    Query(
+        ge=0,
+        le=_LAST_NUMBER,
+        description="Only events with higher numbers; all events where it is above the "
+        "newest one, as of a server before this one: each counts anew.",
+    ),
 ]
 
 

@@ -80,6 +80,8 @@ class CommandGateway:
         asker: Asker,
         library: GaitLibrary,
         limits: DisturbanceLimits | None,
+        *,
+        replays: bool = False,
     ) -> None:
         """Open.
 
@@ -88,9 +90,10 @@ class CommandGateway:
             asker: the way to the loop.
             library: that the loop walks.
             limits: of what disturbs the robot; None where it is not simulated.
+            replays: whether a log is played in place of a loop.
         """
         self._feed, self._asker = feed, asker
-        self._library, self._limits = library, limits
+        self._library, self._limits, self._replays = library, limits, replays
         self._span = library.command_range
         self._passed: FollowSteps | None = None  # that were found to be possible
 
@@ -244,7 +247,8 @@ class CommandGateway:
         """Refuse a robot that is not simulated, and an impulse that is too hard."""
         limits = self._limits
         if limits is None:
-            raise RefusedError(409, f"only a simulated robot can be {what}")
+            why = "this is a replay of a log, " if self._replays else ""
+            raise RefusedError(409, f"{why}only a simulated robot can be {what}")
         if impulse_ns > limits.impulse_ns:
             raise RefusedError(
                 422,
