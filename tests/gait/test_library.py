@@ -15,6 +15,7 @@ from small_build import TINY
 
 from gaitchain.build.pipeline import build_library
 from gaitchain.cli.libraries import shipped_library
+from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.errors import ChainError, LibraryError, RobotFileError
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import best_gaits
@@ -385,6 +386,14 @@ def test_a_name_that_comes_with_the_package_is_told_by_its_path():
             load_library(name)
         path = str(told.value).rpartition(" is ")[2]
         assert load_library(path).qualified
+
+
+@pytest.mark.parametrize("path", [None, 5, "a\0b", b"a"])
+def test_what_is_no_path_is_refused(path):
+    with pytest.raises(LibraryError, match="cannot be the path of a library"):
+        load_library(path)
+    with pytest.raises(RobotFileError, match="cannot be the path of a robot"):
+        load_robot(path)
 
 
 def test_missing_file_and_directory(folder):

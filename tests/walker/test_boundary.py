@@ -11,7 +11,7 @@ from planned_library import planned_library
 
 import gaitchain
 from gaitchain.backends.mock import MockBackend
-from gaitchain.errors import CommandError
+from gaitchain.errors import CommandError, LibraryError
 from gaitchain.gait.library_file import save_library
 from gaitchain.messages import Command, JointTargets, Sensors
 from gaitchain.robot.box_robot import JOINT_NAMES, box_legs, load_box_robot
@@ -104,6 +104,14 @@ def test_another_size_is_refused_and_changes_nothing(planned, name, value, messa
     np.testing.assert_array_equal(
         walker.step(sensors).position, alone.step(sensors).position
     )
+
+
+def test_what_is_no_library_or_no_sensors_is_refused(planned):
+    for odd in ("res", None):
+        with pytest.raises(LibraryError, match="is no gait library; read one"):
+            Walker(odd)
+    with pytest.raises(CommandError, match=r"sensors: None: give gaitchain\.Sensors"):
+        Walker(planned).step(None)
 
 
 def test_sizes_are_those_of_the_robots_joints(planned):

@@ -6,6 +6,7 @@ from typing import Protocol, runtime_checkable
 import msgspec
 import numpy as np
 
+from gaitchain.errors import CommandError
 from gaitchain.messages import Array, MotorTargets, Sensors
 from gaitchain.sim.push import Punches, Push
 from gaitchain.sim.world import DISTURBANCES, Arms
@@ -13,6 +14,33 @@ from gaitchain.sim.world import DISTURBANCES, Arms
 TORQUE_UNIT = "N m"
 """`Backend.load_unit` of a backend that measures joint torques."""
 Numbers = tuple[float, ...]
+
+
+def joint_angles(position: object, count: int) -> Array:
+    """Return joint angles for a backend without a bus that could refuse them.
+
+    Args:
+        position: (count,) angles [rad], as the backend was given them.
+        count: number of its joints.
+
+    Raises:
+        CommandError: they are other than so many finite numbers.
+    """
+    try:
+        angles = np.asarray(position, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise CommandError(
+            f"joint angles {position!r:.80} hold no numbers, needs {count} [rad]"
+        ) from None
+    if angles.shape != (count,):
+        size = f"{angles.size} values" if angles.ndim == 1 else f"shape {angles.shape}"
+        raise CommandError(f"joint angles have {size}, needs {count} [rad]")
+    if not np.isfinite(angles).all():
+        bad = np.flatnonzero(~np.isfinite(angles))[0]
+        raise CommandError(
+            f"joint angle {bad} is {angles[bad]}, each must be a finite number [rad]"
+        )
+    return angles
 
 
 def numbers(*parts: Array) -> Numbers:

@@ -1,8 +1,12 @@
 """A backend with perfect tracking: the plan without physics."""
 
+import math
+from numbers import Real
+
 import numpy as np
 
-from gaitchain.backends.base import TORQUE_UNIT, LinkHealth
+from gaitchain.backends.base import TORQUE_UNIT, LinkHealth, joint_angles
+from gaitchain.errors import BackendError, CommandError
 from gaitchain.messages import GRAVITY, Array, Sensors
 
 
@@ -14,20 +18,37 @@ class MockBackend:
     load_unit = TORQUE_UNIT
 
     def __init__(self, period_s: float) -> None:
-        """Set the control period [s]."""
+        """Set the control period [s].
+
+        Raises:
+            CommandError: it is none.
+        """
+        if not isinstance(period_s, Real) or not 0.0 < period_s < math.inf:
+            raise CommandError(
+                f"control period {period_s!r:.80}: need seconds above 0, as 0.01"
+            )
         self._period_s = period_s
         self._ticks = 0
         self._position: Array = np.zeros(0)
         self._velocity: Array = np.zeros(0)
 
     def connect(self, position: Array) -> None:
-        """Start at the joint angles (2 n,) [rad]."""
+        """Start at the joint angles (2 n,) [rad].
+
+        Raises:
+            CommandError: they are no finite numbers.
+        """
         self._ticks = 0
-        self._position = np.array(position)
+        self._position = joint_angles(position, np.size(position)).copy()
         self._velocity = np.zeros_like(self._position)
 
     def read(self) -> Sensors:
-        """Return the targets as measurements; the accelerometer measures gravity."""
+        """Return the targets as measurements; the accelerometer measures gravity.
+
+        Raises:
+            BackendError: it is not connected.
+        """
+        self._check_connected()
         return Sensors(
             time=self._ticks * self._period_s,
             joint_position=self._position.copy(),
@@ -37,10 +58,21 @@ class MockBackend:
         )
 
     def write(self, position: Array) -> None:
-        """Move the joints to the targets (2 n,) [rad]."""
-        self._velocity = (position - self._position) / self._period_s
-        self._position = np.array(position)
+        """Move the joints to the targets (2 n,) [rad].
+
+        Raises:
+            BackendError: it is not connected.
+            CommandError: they are other than finite angles of its joints.
+        """
+        self._check_connected()
+        reached = joint_angles(position, self._position.size).copy()
+        self._velocity = (reached - self._position) / self._period_s
+        self._position = reached
         self._ticks += 1
+
+    def _check_connected(self) -> None:
+        if not self._position.size:
+            raise BackendError("not connected: call connect with the joints' angles")
 
     def engage(self) -> None:
         """Do nothing: there is no torque."""

@@ -12,6 +12,7 @@ from gaitchain.backends.base import (
     LinkHealth,
     PunchesState,
     Truth,
+    joint_angles,
     numbers,
 )
 from gaitchain.errors import CommandError
@@ -132,7 +133,11 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
 
         Clock, delayed targets, pushes and noise are reset, so that the same targets
         give the same walk again.
+
+        Raises:
+            CommandError: they are other than finite angles of its joints.
         """
+        position = joint_angles(position, self.model.nu)
         mujoco.mj_resetData(self.model, self.data)
         self._draw_faults()
         if self._servos is not None:
@@ -177,7 +182,12 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         return found if self._sensors is None else self._sensors.shown(found)
 
     def write(self, position: Array) -> None:
-        """Hold joint targets (2 n,) [rad] for one control period of physics."""
+        """Hold joint targets (2 n,) [rad] for one control period of physics.
+
+        Raises:
+            CommandError: they are other than finite angles of its joints.
+        """
+        position = joint_angles(position, self.model.nu)
         if self._servos is None:
             self._targets[:] = position
         else:

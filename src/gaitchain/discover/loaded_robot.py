@@ -15,6 +15,7 @@ from gaitchain.errors import RobotFileError
 from gaitchain.robot.box_robot import box_file, load_box_robot
 from gaitchain.robot.reduced_biped import is_boxes
 from gaitchain.robot.robot import Robot
+from gaitchain.robot.whole_file import given_path
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +62,7 @@ def load_with_findings(
         RobotFileError: the file cannot be used, or the robot cannot walk; the message
             says why, and what would settle it.
     """
+    given_path(robot, "a robot", RobotFileError)
     if is_boxes(robot):
         if profile is not None:
             raise RobotFileError(

@@ -29,7 +29,7 @@ from gaitchain.gait.slide import Slide, Slides
 from gaitchain.robot.compare import differences, differences_that_matter
 from gaitchain.robot.robot import Robot
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
-from gaitchain.robot.whole_file import read_file, replace_file
+from gaitchain.robot.whole_file import given_path, read_file, replace_file
 
 _LOG = logging.getLogger(__name__)
 SCHEMA = 10
@@ -102,7 +102,7 @@ def load_library(path: str | Path, robot: Robot | None = None) -> GaitLibrary:
         LibraryError: the file is missing, truncated, damaged, not a library, of
             another schema, or for another robot; the message names the difference.
     """
-    file = Path(path)
+    file = given_path(path, "a library", LibraryError)
     shipped = _SHIPPED / f"{file.stem}.gait"
     if file.name == str(path) and not file.exists() and shipped.exists():
         raise LibraryError(

@@ -7,8 +7,26 @@ import stat
 from io import BufferedReader
 from pathlib import Path
 
+from gaitchain.errors import GaitchainError
+
 _MEGABYTE = 1_000_000
 _NO_FILE = "it is no regular file; give one, not a device or a pipe"
+
+
+def given_path(path: object, what: str, kind: type[GaitchainError]) -> Path:
+    """Return what was given as the path of a file.
+
+    Args:
+        path: what was given.
+        what: the file, for the message.
+        kind: the error to raise.
+
+    Raises:
+        GaitchainError: of that kind, where no file can have such a path.
+    """
+    if isinstance(path, str | os.PathLike) and "\0" not in str(path):
+        return Path(path)
+    raise kind(f"{path!r:.80} cannot be the path of {what}; give one as text")
 
 
 def open_file(path: Path) -> BufferedReader:

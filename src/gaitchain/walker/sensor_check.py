@@ -62,7 +62,7 @@ class SensorCheck:
         """
         try:
             made = in_arrays(sensors)
-        except (TypeError, ValueError):
+        except (AttributeError, TypeError, ValueError):
             raise self._refusal(sensors) from None
         if (
             made.joint_position.shape == made.joint_velocity.shape == self._joints
@@ -73,6 +73,8 @@ class SensorCheck:
         raise self._refusal(sensors)
 
     def _refusal(self, sensors: Sensors) -> CommandError:
+        if not isinstance(sensors, Sensors):
+            return CommandError(f"sensors: {sensors!r:.80}: give gaitchain.Sensors")
         for name, (shape, what) in self._needed.items():
             value = getattr(sensors, name)
             if value is None and name == "foot_load":

@@ -83,10 +83,11 @@ class Walker:
             signs: -1 for each joint whose servo is mounted the other way round.
 
         Raises:
-            LibraryError: the library is not qualified.
+            LibraryError: the library is not qualified, or none.
             CommandError: a joint's name is unknown, or its sign is not 1 or -1; the
                 policy is none, or the control period is too long for the steps.
         """
+        _check_library(library)
         _check_policy(policy)
         check_period(period_s, library)
         if require_qualified and not library.qualified:
@@ -459,6 +460,14 @@ def _check_command(command: object) -> None:
     for name, value in vars(command).items():
         if not isinstance(value, Real):
             raise CommandError(f"{name} is {value!r}, no number; {such}")
+
+
+def _check_library(library: object) -> None:
+    if not isinstance(library, GaitLibrary):
+        raise LibraryError(
+            f"{library!r:.80} is no gait library; read one from its file, by "
+            "Walker.load(path) or load_library(path)"
+        )
 
 
 def _check_policy(policy: str) -> None:
