@@ -298,8 +298,8 @@ def test_a_range_that_nothing_walks_is_refused(end):
     "name, value, told",
     [
         ("parameters_3", np.nan, "has nan, each number must be finite"),
-        ("path_cost_2", -1.0, "has -1, each number must be 0 or more"),
-        ("edge_cost_1", np.nan, "has nan, each number must be 0 or more"),
+        ("path_cost_2", -np.inf, "has -inf, each number must be above -inf"),
+        ("edge_cost_1", np.nan, "has nan, each number must be above -inf"),
     ],
 )
 def test_numbers_of_a_table_are_refused_by_name(name, value, told):

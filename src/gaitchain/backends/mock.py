@@ -23,10 +23,7 @@ class MockBackend:
         Raises:
             CommandError: it is none.
         """
-        if not isinstance(period_s, Real) or not 0.0 < period_s < math.inf:
-            raise CommandError(
-                f"control period {period_s!r:.80}: need seconds above 0, as 0.01"
-            )
+        _check_period(period_s)
         self._period_s = period_s
         self._ticks = 0
         self._position: Array = np.zeros(0)
@@ -90,3 +87,10 @@ class MockBackend:
 
     def close(self) -> None:
         """Do nothing: there is no connection."""
+
+
+def _check_period(period_s: object) -> None:
+    if not isinstance(period_s, Real) or not 0.0 < float(period_s) < math.inf:
+        raise CommandError(
+            f"control period {period_s!r:.80}: need seconds above 0, as 0.01"
+        )
