@@ -230,7 +230,7 @@ def test_one_damaged_chunk_costs_its_own_rows_alone(whole, tmp_path):
         found, damage = steps_in(bytes(data), tmp_path)
         lost = range(chunk * EACH, (chunk + 1) * EACH)
         assert found == [i for i in range(CHUNKS * EACH) if i not in lost]
-        assert damage == "1 of its chunks are damaged and left out"
+        assert damage == "1 of its chunks is damaged and left out"
 
 
 def foreign(path, encoding="cdr", library=None):

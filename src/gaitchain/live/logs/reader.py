@@ -234,7 +234,8 @@ def _in_words(rows: int, ended: bool, chunks: int, unread: int, gaps: Gaps) -> s
     if gaps.lost:
         found.append(gaps.in_words)
     if chunks:
-        found.append(f"{chunks} of its chunks are damaged and left out")
+        are = "is" if chunks == 1 else "are"
+        found.append(f"{chunks} of its chunks {are} damaged and left out")
     if unread:
         found.append(f"{unread} of its rows cannot be read")
     if not ended:
