@@ -4,7 +4,7 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext
 from functools import partial
 from pathlib import Path
 
@@ -206,8 +206,11 @@ def test_a_bus_that_answers_too_late_is_not_taken_for_one_that_is_cut():
 def test_servos_without_supply_are_not_waited_for_at_length():
     """A control loop connects, too, and it must not stand still for long."""
     hurried = bench(few(12), period_s=0.05, patiently=nullcontext)
-    with hurried as (bus, robot, _):
+    patience = ExitStack()
+    patience.enter_context(patient_bus())  # a busy machine is late at first, too
+    with patience, hurried as (bus, robot, _):
         robot.engage()
+        patience.close()
         for number in bus.servos:
             bus.kill(number)
         heard, answer = [], bus.bus.answer
