@@ -34,7 +34,7 @@ from gaitchain.cli.world_options import check_effects
 from gaitchain.commission.stages import STAGES
 from gaitchain.errors import CommandError, JournalError, LibraryError
 from gaitchain.gait.build_config import BuildConfig
-from gaitchain.gait.command_range import AXES, CommandRange, inward
+from gaitchain.gait.command_range import AXES, CommandRange, ends_text, inward
 from gaitchain.gait.keypose.primitives import PARAMETERS
 from gaitchain.gait.library_file import load_library, save_library
 from gaitchain.gait.qualification import Qualification
@@ -287,8 +287,7 @@ def test_inspect_shows_sources_and_verdicts(
     )
     at = [out.index(f"{title}") for title in pages]
     assert at == sorted(at)
-    low, high = library.speed_range
-    assert f"{low:.3f} to {high:.3f} m/s" in out
+    assert ends_text(*library.speed_range, "m/s") in out
     assert "grid of worlds" in out
     assert "random schedules" in out
     code, out, _ = call(capsys, "inspect", "res.gait")

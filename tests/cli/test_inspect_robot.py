@@ -144,7 +144,7 @@ def test_a_library_says_where_the_gains_of_its_legs_come_from(
     ("words", "message"),
     [
         (["inspect", "noise.bin"], "neither a gait library nor a robot"),
-        (["inspect", "empty.xml"], "empty.xml is empty"),
+        (["inspect", "empty.xml"], "empty.xml: it is empty"),
         (["inspect", "missing.xml"], "missing.xml: no such file"),
         (["inspect", "no_robot"], "no such file and no robot of that name"),
         (["inspect", "res", "-o", "a.png"], "--output: res is a robot of boxes"),

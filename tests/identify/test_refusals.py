@@ -238,8 +238,8 @@ def test_gaps_in_each_second_row_switch_no_refusal_off(good):
 
 def test_a_fit_that_explains_nothing_is_refused(good, monkeypatch):
     """Of a log that no robot makes, or where nothing is fitted: no numbers are told."""
-    monkeypatch.setitem(motion_fit.SEARCHES, "held", 0)
-    monkeypatch.setitem(motion_fit.ROUNDS, "held", ())
+    for rounds, none in (("SEARCHES", 0), ("NEAR", ()), ("ROUNDS", ())):
+        monkeypatch.setattr(motion_fit, rounds, none)
     monkeypatch.setattr(MotionFit, "certainty", lambda own, found, b, rng: b.covariance)
     with pytest.raises(LogError, match="the log tells no number of any joint"):
         fit_logs(RES, [log_with(good)], 1, quiet)

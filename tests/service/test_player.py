@@ -335,7 +335,7 @@ def test_a_part_without_a_log_to_play_says_so(tmp_path):
 def test_replay_refuses_what_it_cannot_play(path, tmp_path, capsys):
     code, _, err = call(capsys, "replay", tmp_path / "none.mcap")
     assert (code, err.count("\n")) == (2, 1)
-    assert "No such file" in err
+    assert "none.mcap: no such file; replay plays a log" in err
     code, _, err = call(capsys, "replay", path, "--port", 70000)
     assert code == 2
     assert "--port 70000: give 0 to 65535" in err

@@ -14,6 +14,7 @@ from gaitchain.backends.mock import MockBackend
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.keypose_rollout import walk_targets
 from gaitchain.errors import CommandError, LibraryError
+from gaitchain.gait.command_range import ends_text, inward
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library_file import save_library
 from gaitchain.gait.qualification import Qualification
@@ -159,7 +160,7 @@ def test_a_command_out_of_range_is_clamped_with_a_note(walker, library):
     low, high = library.speed_range
     done = walker.command(Command(2.0 * high))
     assert done.vx == high
-    assert f"{low:.3f} to {high:.3f}" in walker.note
+    assert ends_text(low, high, "m/s") in walker.note
     walker.step(sensors(0.0))
     assert speed_asked(walker) == pytest.approx(high)
     walker.command(Command(low))
@@ -169,7 +170,8 @@ def test_a_command_out_of_range_is_clamped_with_a_note(walker, library):
 def test_followed_commands_out_of_range_are_noted(walker, library):
     low, high = library.speed_range
     walker.follow(commands(2.0 * high, low, 2.0 * high, -1.0, float("nan"), 0.0))
-    clamped = f"{2.0 * high:g} m/s is outside {low:.3f} to {high:.3f} m/s: {high:.3f}"
+    walked = ends_text(low, high, "m/s")
+    clamped = f"{2.0 * high:g} m/s is outside {walked}: {inward(high):.3f}"
     # Each once, in the order of the commands.
     assert walker.note.split("; ") == [
         clamped,

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from gaitchain.chain.layered_chain import FloatArray
-from gaitchain.gait.command_range import ends_text
+from gaitchain.gait.command_range import ends_text, inward
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import Command
@@ -48,9 +48,9 @@ class KeyposeGenerator(Generator):
             if command.vx != 0.0:
                 notes.append(f"{command.vx:g} m/s is no way on: stop")
         elif vx != command.vx:
-            notes.append(
-                f"{command.vx:g} m/s is outside {ends_text(low, high, 'm/s')}: {vx:.3f}"
-            )
+            walked = ends_text(low, high, "m/s")
+            end = inward(vx) if vx == high else -inward(-vx)
+            notes.append(f"{command.vx:g} m/s is outside {walked}: {end:.3f}")
         return Command(vx), "; ".join(notes)
 
     def stays(self, state: ChainState, command: Command) -> bool:
