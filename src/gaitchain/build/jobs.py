@@ -38,7 +38,7 @@ _KILLED_AGAIN = (
     "processes that work were killed {} times, and none of the {} jobs that are left "
     "was finished in between; memory may be short: give fewer --workers, or 1"
 )
-_TRIES = 3  # of jobs none of which is finished before a process is killed
+_TRIES = 2  # of jobs together, none of which is finished before a process is killed
 # Meshes of a robot's own model let a process grow by the 300 MB at which joblib starts
 # another one in its place. That keeps the memory bounded, and is no news to a user.
 warnings.filterwarnings("ignore", message="A worker stopped while some jobs")
@@ -155,7 +155,8 @@ def arrivals(
 ) -> Iterator[tuple[int, Any]]:
     """Yield number and result of each job in the order in which they arrive.
 
-    What was lost with a process that was killed is sent again.
+    What was lost with a process that was killed is sent again, in the end each alone:
+    a job that kills its process takes no other one with it then.
 
     Args:
         jobs: of each its number, the function to call, and its arguments.
@@ -167,14 +168,17 @@ def arrivals(
     """
     missing, tries = {job[0]: job for job in jobs}, 0
     while missing:
+        left = [*missing.values()]
+        parts = [left] if tries < _TRIES else [[job] for job in left]
         try:
-            for number, came in _sent([*missing.values()], workers, batch_size):
-                del missing[number]
-                tries = 0
-                yield number, came
+            for part in parts:
+                for number, came in _sent(part, workers, batch_size):
+                    del missing[number]
+                    tries = 0
+                    yield number, came
         except _killed() as error:
             tries += 1
-            if tries == _TRIES:
+            if tries > _TRIES:
                 raise WorkerError(_KILLED_AGAIN.format(tries, len(missing))) from error
 
 
