@@ -14,18 +14,19 @@ NO_ROOM = "gaitchain: standard output: cannot be written: No space left on devic
 needs_full = pytest.mark.skipif(not FULL.exists(), reason="Linux has a full device")
 
 
+def run_into(output, *words):
+    """Run a command whose standard output is that one."""
+    command = [*COMMAND, *map(str, words)]
+    error = subprocess.PIPE
+    return subprocess.run(command, stdout=output, stderr=error, text=True, check=False)
+
+
 def unread(*words):
     """Run a command whose standard output was closed by its reader beforehand."""
     reader, writer = os.pipe()
     os.close(reader)
     try:
-        return subprocess.run(
-            [*COMMAND, *map(str, words)],
-            stdout=writer,
-            stderr=subprocess.PIPE,
-            text=True,
-            check=False,
-        )
+        return run_into(writer, *words)
     finally:
         os.close(writer)
 
@@ -33,13 +34,7 @@ def unread(*words):
 def without_room(*words):
     """Run a command whose standard output is on a full disk."""
     with FULL.open("w") as full:
-        return subprocess.run(
-            [*COMMAND, *map(str, words)],
-            stdout=full,
-            stderr=subprocess.PIPE,
-            text=True,
-            check=False,
-        )
+        return run_into(full, *words)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a closed pipe has another error there")

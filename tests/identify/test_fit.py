@@ -15,8 +15,9 @@ from gaitchain.gait.library_file import load_library, save_library
 from gaitchain.identify import motion_fit
 from gaitchain.identify.fit import Fit, fit_logs
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog, load_log, save_log
-from gaitchain.identify.motion_fit import Belief, MotionFit, Round, rms, weights_of
+from gaitchain.identify.motion_fit import Belief, MotionFit, Round
 from gaitchain.identify.parameters import OF_ZEROS, Parameters
+from gaitchain.identify.sensor_rows import rms, weights_of
 from gaitchain.identify.simulated import exercise_hidden, replay
 from gaitchain.live.exercise import Motion, exercise
 from gaitchain.messages import CONTROL_PERIOD_S

@@ -32,7 +32,7 @@ from gaitchain.build.jobs import run_once
 from gaitchain.build.progress import Progress
 from gaitchain.errors import LogError
 from gaitchain.identify.log import ExerciseLog, MotionLog
-from gaitchain.identify.motion_fit import Belief, MotionFit, rms, sensor_kinds
+from gaitchain.identify.motion_fit import Belief, MotionFit
 from gaitchain.identify.parameters import (
     OF_IMU,
     OF_JOINTS,
@@ -48,6 +48,7 @@ from gaitchain.identify.refusals import (
     check_units,
     encoder_noise,
 )
+from gaitchain.identify.sensor_rows import rms, sensor_kinds
 from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.robot.identified import UNSURE, Identified
 from gaitchain.robot.leg_model import LegModel

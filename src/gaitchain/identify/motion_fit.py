@@ -13,6 +13,14 @@ from gaitchain.identify.chord import Prior, follow, slopes
 from gaitchain.identify.joint_search import Group, JointSearch
 from gaitchain.identify.log import Measured, MotionLog
 from gaitchain.identify.parameters import OF_JOINTS, OF_SERVOS, Parameters
+from gaitchain.identify.sensor_rows import (
+    BLOCK,
+    IMU,
+    columns,
+    spread,
+    unbiased,
+    weights_of,
+)
 from gaitchain.identify.simulated import replay
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
@@ -27,9 +35,9 @@ class Round(NamedTuple):
     """Of those by which a joint differs from others that are alike."""
 
 
-# One that swings its legs shows what each joint does: their own numbers are searched
-# first. Where that does not explain the log, play, damping and friction are fitted as
-# those of all joints: what each has of its own is tried near the rest of the numbers.
+# Legs that swing show what each joint does: their own numbers are searched first. Where
+# that does not explain the log, play, damping and friction are fitted as those of all
+# joints: what each has of its own is tried near the rest of the numbers.
 SEARCHES = 12
 """Rounds of the search joint by joint, of hung legs."""
 NEAR = (Round(0.1, 0.4), Round(0.05, 0.2))
@@ -51,16 +59,13 @@ SURE = {"held": Round(0.3, 1.0), "standing": Round(0.2)}
 """Replays that show how well the numbers are known that were found."""
 SURE_REPLAYS = {"held": 96, "standing": 192}
 """Number of them, in pairs; more of these than of slopes."""
-_BLOCK = 25  # rows whose mean shows how alike residuals are
-EXPLAINED = 0.5 * (_BLOCK + 1)
-"""Most likeness of a joint's residuals, see `_spread`, that are noise, mostly."""
+EXPLAINED = 0.5 * (BLOCK + 1)
+"""Most likeness of a joint's residuals, see `spread`, that are noise, mostly."""
 _LEAST_SPREAD = 0.03
 _ROUGHEN = "backlash_deg", "dry_friction", "stiction"  # what smooth slopes are without
 _SLOPE, _LEAST_SLOPE = 0.3, 0.1  # differences, of deviations; least of these
 _STEPS = (1.0, 0.5)  # parts of a Gauss-Newton step that are tried
-_LEAST_SD = (2e-4, 2e-3, 0.03)  # of joints, gyro and accelerometer
 _FALLEN = 1.0  # residual of a row that the replay did not reach; no joint's else [rad]
-_IMU = 6  # columns of gyro and accelerometer
 _SEARCH_BANK = 0x1D5  # of seeds
 
 Columns = NDArray[np.int64]
@@ -90,9 +95,9 @@ class MotionFit:
         self._robot, self._log, self._parameters = robot, log, parameters
         self._workers, self._joints = workers, len(robot.legs.joint_names)
         self.support = log.motion.support
-        measured = _columns(log.measured, len(log.motion.targets))
+        measured = columns(log.measured, len(log.motion.targets))
         self._present = np.isfinite(measured)
-        self._measured = _unbiased(measured)
+        self._measured = unbiased(measured)
 
     @property
     def most_rounds(self) -> int:
@@ -158,14 +163,14 @@ class MotionFit:
         ahead, behind = (self._clipped(plain + np.diag(way * by)) for way in (1, -1))
         return slopes(ahead, behind, self._missed_standing)
 
-    def _missed_with(self, vectors: Array) -> Array:
+    def _missed_with(self, vectors: Sequence[Array] | Array) -> Array:
         """Return what replays with these numbers miss, (M, N, 2 n + 6)."""
-        return np.array(list(map(self._table, self._replays(vectors))))
+        return self._tables(self._replays(vectors))
 
     def _missed_standing(self, vectors: Array) -> Array:
         """Return the same; NaN of replays that fell."""
         replays = self._replays(vectors)
-        tables = np.array(list(map(self._table, replays)))
+        tables = self._tables(replays)
         tables[~self._stood(replays)] = np.nan
         return tables
 
@@ -175,8 +180,8 @@ class MotionFit:
         Args:
             vector: the numbers, in believed deviations.
         """
-        table = self._table(self._replays([vector])[0])
-        _, alike = _spread(table, self._present)
+        (table,) = self._missed_with([vector])
+        _, alike = spread(table, self._present)
         return bool(np.all(alike[: self._joints] < EXPLAINED))
 
     def _search(self, belief: Belief, begin: Callable[[], None]) -> Array:
@@ -191,7 +196,7 @@ class MotionFit:
     def _select(self, search: JointSearch, rng: np.random.Generator) -> None:
         """Do one round of a search."""
         tried = self._clipped(search.draw(REPLAYS, rng))
-        tables = np.array(list(map(self._table, self._replays(tried))))
+        tables = self._missed_with(tried)
         missed = np.sum(tables**2, axis=1)
         least = tables[np.argmin(missed, axis=0), :, np.arange(missed.shape[1])].T
         search.select(tried, missed * self._weights(least) ** 2)
@@ -239,7 +244,7 @@ class MotionFit:
         around, number = SURE[self.support], SURE_REPLAYS[self.support]
         tried = self._clipped(found + self._around(belief, around, number, rng))
         replays = self._replays([found, *tried])
-        tables = np.array(list(map(self._table, replays)))
+        tables = self._tables(replays)
         rows = tables[1:] * self._weights(tables[0])
         stood = np.logical_and(*self._stood(replays[1:]).reshape(2, -1))
         moved, apart = _halves(tried)[stood], _halves(rows)[stood]
@@ -281,11 +286,15 @@ class MotionFit:
         came = dict(arrivals(jobs, self._workers))
         return [came[n] for n in range(len(jobs))]
 
+    def _tables(self, replays: Sequence[Measured]) -> Array:
+        """Return what each replay misses, (M, N, 2 n + 6)."""
+        return np.array(list(map(self._table, replays)))
+
     def _table(self, seen: Measured) -> Array:
         """Return measured less replayed; nothing where a sensor is missing."""
-        shown = _columns(seen, len(self._measured))
+        shown = columns(seen, len(self._measured))
         # The gyro's mean is that of the same rows.
-        replayed = _unbiased(np.where(self._present, shown, np.nan))
+        replayed = unbiased(np.where(self._present, shown, np.nan))
         missed = np.where(np.isnan(shown), _FALLEN, self._measured - replayed)
         return np.where(self._present, missed, 0.0)
 
@@ -316,9 +325,9 @@ class MotionFit:
             size = np.maximum(np.linalg.norm(design, axis=0), 1e-12)
             seen = rows[:, :, sensors].reshape(len(stood), -1)
             scaled = np.linalg.lstsq(design / size, seen, rcond=ALIKE)[0]
-            level, *slopes = scaled / size[:, None]
+            level, *steep = scaled / size[:, None]
             residual[:, sensors] = level.reshape(-1, len(sensors))
-            for number, own in zip(numbers, slopes, strict=True):
+            for number, own in zip(numbers, steep, strict=True):
                 slope[:, sensors, number] = own.reshape(-1, len(sensors))
         return residual.ravel(), slope.reshape(-1, moved.shape[1])
 
@@ -326,7 +335,7 @@ class MotionFit:
         """Return each joint's numbers, those of all servos, and those of the IMU."""
         numbers, joints = self._parameters, np.arange(self._joints)
         common = [i for name in (*OF_SERVOS, "lean") for i in numbers.places(name)]
-        imu = self._joints + np.arange(_IMU)
+        imu = self._joints + np.arange(IMU)
         return [
             *(
                 Group(np.array(numbers.own(joint)), joints[joint : joint + 1])
@@ -340,7 +349,7 @@ class MotionFit:
         """Return which numbers have an effect on which sensors."""
         everywhere = self._parameters.all
         leg, joints = self._joints // 2, np.arange(self._joints)
-        imu = self._joints + np.arange(_IMU)
+        imu = self._joints + np.arange(IMU)
 
         def chosen(*names: str, own: int | None = None) -> list[int]:
             return [
@@ -367,58 +376,3 @@ def _halves(rows: Array) -> Array:
     """Return half of what the first half of all rows differs by from the second."""
     first, second = np.split(rows, 2)
     return np.asarray(0.5 * (first - second))
-
-
-def sensor_kinds(tables: Sequence[Array]) -> tuple[Array, Array, Array]:
-    """Return the columns of joints, gyro and accelerometer."""
-    table = np.concatenate(tables)
-    return table[:, :-_IMU], table[:, -_IMU:-3], table[:, -3:]
-
-
-def rms(tables: Sequence[Array]) -> tuple[float | None, ...]:
-    """Return what replays miss of joints, gyro, accelerometer; None of what is not."""
-    there = [kind[np.isfinite(kind)] for kind in sensor_kinds(tables)]
-    return tuple(float(np.sqrt(np.mean(k**2))) if k.size else None for k in there)
-
-
-def _columns(seen: Measured, rows: int) -> Array:
-    """Return the rows of all sensors, (N, 2 n + 6); NaN after a fall."""
-    shown = np.hstack([seen.joint_position, seen.angular_velocity, seen.acceleration])
-    table = np.full((rows, shown.shape[1]), np.nan)
-    table[: len(shown)] = shown
-    return table
-
-
-def _unbiased(table: Array) -> Array:
-    """Return the rows without the gyro's mean, as it has a bias; NaN stays NaN."""
-    table, gyro = table.copy(), slice(-_IMU, -3)
-    there = np.isfinite(table[:, gyro])
-    total = np.where(there, table[:, gyro], 0.0).sum(axis=0)
-    table[:, gyro] -= total / np.maximum(there.sum(axis=0), 1)
-    return table
-
-
-def weights_of(table: Array, present: NDArray[np.bool_]) -> Array:
-    """Return 1 / s of each sensor by its residuals, as if all rows were independent.
-
-    Args:
-        table: (N, 2 n + 6) residuals, 0 where nothing was measured.
-        present: (N, 2 n + 6) where something was.
-    """
-    sd, alike = _spread(table, present)
-    return np.asarray(1.0 / (sd * np.sqrt(alike)))
-
-
-def _spread(table: Array, present: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Return the size of each sensor's residuals, and how alike they are.
-
-    Of white noise the latter is 1; of what changes slowly, the rows of a block.
-    """
-    joints = table.shape[1] - _IMU
-    least = np.repeat(_LEAST_SD, [joints, 3, 3])
-    square = np.sum(table**2, axis=0) / np.maximum(present.sum(axis=0), 1)
-    sd = np.maximum(np.sqrt(square), least)
-    whole = len(table) // _BLOCK * _BLOCK
-    sums = table[:whole].reshape(-1, _BLOCK, table.shape[1]).sum(axis=1)
-    rows = np.maximum(present[:whole].sum(axis=0), 1)
-    return sd, np.maximum(np.sum(sums**2, axis=0) / rows / sd**2, 1.0)
