@@ -19,6 +19,8 @@ from gaitchain.live.messages import (
     GetUp,
     Mode,
     PushRobot,
+    Rest,
+    Start,
     Stop,
     TroubleKind,
 )
@@ -156,6 +158,20 @@ def test_a_stop_by_anybody_ends_it_and_leaves_the_way_up(op3):
     assert op3.last.reason == "getting up was stopped by somebody else"
     op3.run(2.0)
     np.testing.assert_allclose(op3.robot.loads(), 0.0, atol=1e-6)
+    assert op3.last.can_get_up
+    op3.ask(GetUp("me"))
+    op3.run(0.1)
+    assert op3.mode is Mode.GETTING_UP
+
+
+def test_who_fell_at_rest_is_not_started_and_may_get_up(op3):
+    op3.ask(Rest("me"))
+    op3.ask(PushRobot("me", HARD_NS, 0.0))
+    op3.run(4.0)
+    op3.ask(Start("me"))
+    op3.run(0.1)
+    assert op3.mode is Mode.STOPPED
+    assert op3.last.trouble is TroubleKind.LYING
     assert op3.last.can_get_up
     op3.ask(GetUp("me"))
     op3.run(0.1)
