@@ -41,7 +41,8 @@ end of the range; mass, inertia and CoM of every link off by up to 10 %; frictio
 time is that of the processor, beside other work: two quiet cores take half of it.
 Pictures are named as robots of the MuJoCo Menagerie are, or as the URDFs of
 example-robot-data, of each robot there the one that has most of it. Talos of the
-Menagerie is its talos.xml, which has motors; its name stands for talos_position.xml.
+Menagerie is its talos.xml, which has no actuators; the name pal_talos stands for
+talos_position.xml.
 [Results](results.md) have more.
 
 Not here: apptronik_apollo, fourier_n1, pndbotics_adam_lite, toddlerbot_2xc and

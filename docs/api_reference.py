@@ -4,6 +4,7 @@ It is made of the OpenAPI document that the service serves; what stands above it
 file stays as it is.
 """
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -43,7 +44,12 @@ def api_markdown() -> str:
     for path, methods in document["paths"].items():
         for method, route in methods.items():
             lines += _route(f"{method.upper()} {path}", route)
-    lines += ["## Messages", "", "null is what nobody measured.", ""]
+    lines += [
+        "## Messages",
+        "",
+        "null is what nobody measured, or has, unless a message says otherwise.",
+        "",
+    ]
     for name, schema in document["components"]["schemas"].items():
         lines += _message(name, schema)
     return "\n".join(lines).rstrip() + "\n"
@@ -76,8 +82,27 @@ def _message(name: str, schema: dict[str, Any]) -> Iterator[str]:
         yield f"- an array: {_array(schema)}"
     for field, part in schema.get("properties", {}).items():
         says = f": {_plain(part['description'])}" if "description" in part else ""
-        yield f"- `{field}` ({_type(part)}){says}"
+        yield f"- `{field}` ({', '.join([_type(part), *_bounds(part)])}){says}"
     yield ""
+
+
+def _bounds(schema: dict[str, Any]) -> Iterator[str]:
+    """Yield what a field may be besides its type, and what it is if left out."""
+    if "exclusiveMinimum" in schema:
+        yield f"above {schema['exclusiveMinimum']:g}"
+    for least, most, unit in (
+        ("minimum", "maximum", ""),
+        ("minLength", "maxLength", " characters"),
+        ("minItems", "maxItems", " items"),
+    ):
+        if "prefixItems" in schema:  # their type says how many there are
+            continue
+        if least in schema and most in schema:
+            yield f"{schema[least]:g} to {schema[most]:g}{unit}"
+        elif most in schema:
+            yield f"at most {schema[most]:g}{unit}"
+    if schema.get("default") not in (None, []):
+        yield f"default {json.dumps(schema['default'])}"
 
 
 def _content(part: dict[str, Any]) -> str:

@@ -5,7 +5,7 @@
 
 1. The library of strides that comes with gaitchain walks with balance.
 2. A `World` holds what happens to the robot: here a push of 0.1 s on the trunk.
-3. `explain` names the first rule that broke before a fall, and what to turn.
+3. `explain` names the first rule that broke before a fall, and what to try.
 """
 
 from importlib.resources import files

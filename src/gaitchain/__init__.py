@@ -36,7 +36,7 @@ __all__ = [
     "save_library",
 ]
 
-_ROOMS = {
+_MODULES = {
     "BuildConfig": "gait.build_config",
     "Command": "messages",
     "GaitLibrary": "gait.library",
@@ -55,15 +55,15 @@ _ROOMS = {
 
 
 def __getattr__(name: str) -> Any:
-    """Bring a public name from its room on first use: MuJoCo takes its time."""
+    """Import a public name on first use: MuJoCo takes long to load."""
     if name == "__version__":
         from importlib.metadata import version  # noqa: PLC0415 - slow
 
         return version("gaitchain")
-    if name not in _ROOMS:
+    if name not in _MODULES:
         raise AttributeError(f"module 'gaitchain' has no attribute {name!r}")
     with needed_by(f"gaitchain.{name}"):
-        return getattr(import_module(f"gaitchain.{_ROOMS[name]}"), name)
+        return getattr(import_module(f"gaitchain.{_MODULES[name]}"), name)
 
 
 def __dir__() -> list[str]:

@@ -11,7 +11,10 @@ from importlib.util import find_spec
 EXTRAS = {
     "sim": ("mujoco", "joblib", "scipy", "cmaes", "filelock", "trimesh", "collada"),
     "view": ("matplotlib", "viser", "trimesh", "fast_simplification"),
-    "serve": ("fastapi", "starlette", "uvicorn", "httpx", "zmq", "mcap", "rosbags"),
+    "serve": (
+        *("fastapi", "starlette", "uvicorn", "websockets", "httpx"),
+        *("zmq", "mcap", "rosbags"),
+    ),
     "servos": ("dynamixel_sdk", "scservo_sdk", "serial"),
     "ros": ("rosbags", "zenoh", "websockets"),
     "dask": ("dask", "distributed"),

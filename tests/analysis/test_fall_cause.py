@@ -236,7 +236,7 @@ def test_the_cause_of_a_fall_made_on_purpose(name):
     assert broke
     line = fall_cause(walk)
     assert f": {cause.what} {cause.how_much}, " in line
-    assert line.endswith(f"s before; turn {cause.advice}")
+    assert line.endswith(f"s before; try {cause.advice}")
     assert cause.what in explanation.sentence
     assert "\n" not in line + explanation.sentence
 
@@ -344,7 +344,7 @@ def test_a_push_is_named_though_the_robot_took_long_to_fall():
     why = explain(RES, walk)
     assert why.cause.time_s == pytest.approx(3.3)
     assert f" after {PUSH}, 1.75 s before the fall: torque saturation" in why.sentence
-    assert "turn the disturbance down (`gaitchain push`" in why.sentence
+    assert "try a weaker disturbance (`gaitchain push`" in why.sentence
 
 
 def test_what_broke_first_after_a_push_is_the_cause():

@@ -138,7 +138,7 @@ def test_the_cause_names_step_key_moment_and_support():
     assert fall_cause(record(track(0.1))) is None
 
 
-def test_the_cause_says_what_broke_first_and_what_to_turn():
+def test_the_cause_says_what_broke_first_and_what_to_try():
     """A record that holds its robot says more than where and when it fell."""
     walk = record(track(0.1, 0.1)[:150], fell_at_s=1.5, robot=RES)
     walk.qpos[-1, 3:7] = math.cos(0.5), 0.0, math.sin(0.5), 0.0
@@ -146,11 +146,11 @@ def test_the_cause_says_what_broke_first_and_what_to_turn():
     assert fall_cause(walk) == f"{place}: no rule broke before"
     walk.torque[70:, 3] = 120.0
     assert fall_cause(walk) == (
-        f"{place}: torque saturation at left_knee 120.0 N m, 0.80 s before; turn "
+        f"{place}: torque saturation at left_knee 120.0 N m, 0.80 s before; try "
         "hip_height up (straighter knees), or joint_torque_limit up"
     )
     pushed = replace(walk, events=((0.65, "a push"),))
-    assert "left_knee 120.0 N m after a push, 0.80 s before; turn" in fall_cause(pushed)
+    assert "left_knee 120.0 N m after a push, 0.80 s before; try" in fall_cause(pushed)
 
 
 @pytest.mark.parametrize(
@@ -322,7 +322,7 @@ def test_a_real_fall_ends_the_record(library):
     assert summary.cause.startswith("fell ")
     assert f"at {walk.fell_at_s:.2f} s" in summary.cause
     assert ": tracking lag at " in summary.cause
-    assert summary.cause.endswith("turn servo_stiffness up, or --step-s up")
+    assert summary.cause.endswith("try servo_stiffness up, or --step-s up")
     assert "\n" not in summary.cause
 
 

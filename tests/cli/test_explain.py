@@ -74,7 +74,7 @@ def test_a_fall_is_explained(tmp_path, capsys):
     assert lines[0] == (
         "The robot fell at 3.00 s after a push of 9 N s: torque saturation at "
         "left_knee came first, 0.80 s before the fall, 120.0 N m (limit 120.0 N m); "
-        "turn the disturbance down (`gaitchain push` finds what it withstands), or "
+        "try a weaker disturbance (`gaitchain push` finds what it withstands), or "
         "hip_height up (straighter knees), or joint_torque_limit up."
     )
     order = [out.index(w) for w in ("a push of 9 N s │", "(the cause)", "the fall ")]
@@ -116,7 +116,7 @@ def test_a_walk_without_fault_has_no_table(tmp_path, capsys):
     assert run(options(tmp_path))[0] == 0
     out = capsys.readouterr().out
     assert out.startswith("The robot did not fall; no rule broke.")
-    assert "what to turn" not in out
+    assert "what to try" not in out
 
 
 def test_what_cannot_be_explained_is_refused(tmp_path):

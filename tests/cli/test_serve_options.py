@@ -165,7 +165,7 @@ def test_a_token_is_a_short_line_of_what_can_be_typed(
     for file in "token", "-":
         code, _, error = call(capsys, "serve", "--no-log", "--token-file", file)
         assert code == 2
-        assert "the token: 8 to 4096 printable ASCII characters, no blanks" in error
+        assert "the token: 8 to 256 printable ASCII characters, no blanks" in error
     assert begun == []
 
 

@@ -337,7 +337,7 @@ def test_the_last_fall_of_a_log_is_explained(fall, two_falls, tmp_path, capsys):
     assert (code, err) == (0, "")
     fell_at_s = fall[-1].time_s + 20.0
     assert out.startswith(f"The robot fell at {fell_at_s:.2f} s after {PUSH}: ")
-    assert "what to turn" in out
+    assert "what to try" in out
     assert json.loads(why.read_text("utf-8"))["fell_at_s"] == pytest.approx(fell_at_s)
     picture = two_falls.with_suffix(".timeline.png")
     assert picture.read_bytes().startswith(b"\x89PNG")

@@ -564,6 +564,24 @@ def test_the_openapi_document_knows_the_limits(here):
             assert {"401", "403"} <= route["responses"].keys(), path
 
 
+def test_every_number_that_is_sent_is_described(here):
+    """Of what a message inherits, too; units are in brackets."""
+    schemas = here.client.get("/openapi.json").json()["components"]["schemas"]
+    bare = [
+        f"{message}.{field}"
+        for message, schema in schemas.items()
+        for field, part in schema.get("properties", {}).items()
+        if "description" not in part and '"number"' in json.dumps(part)
+    ]
+    assert not bare
+    for message, field, unit in (
+        ("Pace", "late_p99_s", "s"),
+        ("TelemetryFrame", "estimated_tilt", "rad"),
+        ("JointInfo", "lower", "rad"),
+    ):
+        assert f"[{unit}]" in schemas[message]["properties"][field]["description"]
+
+
 def test_docs_api_md_is_what_the_code_says():
     docs = Path(__file__).parents[2] / "docs"
     make = runpy.run_path(str(docs / "api_reference.py"))["api_markdown"]

@@ -213,7 +213,7 @@ def test_a_damaged_library_is_refused_in_one_line(tmp_path):
     [
         (["--host", "0.0.0.0"], "token"),
         (["--host", "example.org"], "token"),
-        (["--token", "short"], "8 to 4096"),
+        (["--token", "short"], "8 to 256"),
         (["--backend", "hydraulic"], "mujoco, mock, dynamixel:PORT"),
         (["--rate", "5000"], "20 to 1000"),
         (["--rate", "300"], "500 or 250 Hz would do"),

@@ -30,7 +30,7 @@ DISTURBED_S = 3.0
 """So long after a push a robot may take to fall [s]: some steps of a swaying walk."""
 _STILL = 1e-3  # m/s and rad/s: who was asked for less stood
 _OF_WALKS = ("slower command", "shorter steps", "--step-s", "more lift", "more reach")
-_DISTURBED = "the disturbance down (`gaitchain push` finds what it withstands)"
+_DISTURBED = "a weaker disturbance (`gaitchain push` finds what it withstands)"
 _IN_PROFILE = {
     "joint_torque_limit": "servo.NAME.torque_limit of the profile",
     "servo_stiffness": "servo.NAME.stiffness of the profile",
@@ -87,7 +87,7 @@ class Explanation:
             f"The robot fell {when_fell(self.fell_at_s)}{self.after}: "
             f"{cause.what} came first, "
             f"{self.fell_at_s - cause.time_s:.2f} s before the fall, "
-            f"{cause.how_much} (limit {cause.limit_text}); turn {cause.advice}."
+            f"{cause.how_much} (limit {cause.limit_text}); try {cause.advice}."
         )
 
 
@@ -155,13 +155,13 @@ def _fitting(advice: str, disturbed: bool, stood: bool) -> str:
         ways = [way for way in ways if not any(word in way for word in _OF_WALKS)]
     if disturbed:
         ways = [_DISTURBED, *ways]
-    return ", or ".join(ways) or "nothing of the walk: it stood"
+    return ", or ".join(ways) or "floor, load and servos: it stood"
 
 
 def _stride_advice(rule: Rule, robot: Robot) -> str:
-    """Return the parameter to change; servos of a full robot have it in the profile."""
+    """Return what to change; servos of a robot from a file have it in the profile."""
     advice = STRIDE_ADVICE[rule]
-    for key, in_profile in _IN_PROFILE.items() if robot.legs else ():
+    for key, in_profile in _IN_PROFILE.items() if not robot.boxes else ():
         advice = advice.replace(key, in_profile)
     return advice
 

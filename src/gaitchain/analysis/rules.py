@@ -65,17 +65,17 @@ ADVICE = {
     Rule.SLIP: "the sole's friction up, or shorter steps",
     Rule.ZMP: "sway",
 }
-# A walk by strides has other parameters, among them fields of `balance.gains.Gains`.
+# A walk by strides follows from its robot: what a user can change is what is asked.
 STRIDE_ADVICE = {
-    Rule.ESTIMATOR: "the gyro's bias out: stand still before walking",
-    Rule.SELF_COLLISION: "Gains.narrowest up",
+    Rule.ESTIMATOR: "standing still before it walks, for the gyro's bias",
+    Rule.SELF_COLLISION: "a slower command aside, or less turning",
     Rule.SPEED: "a slower command, or a library with a lower --speed-limit",
     Rule.TORQUE: "a slower command, or joint_torque_limit up",
     Rule.TRACKING: "servo_stiffness up, or a slower command",
-    Rule.EARLY: "a slower command, or Gains.trunk up",
-    Rule.LATE: "Gains.latest up, or a slower command",
+    Rule.EARLY: "a slower command",
+    Rule.LATE: "a slower command",
     Rule.SLIP: "the sole's friction up, or a slower command",
-    Rule.ZMP: "a slower command, or Gains.follow up",
+    Rule.ZMP: "a slower command",
 }
 # Advice by the edge that the ZMP is at, in the heading of the loaded foot.
 EDGE_ADVICE = {

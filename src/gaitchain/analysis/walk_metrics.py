@@ -150,7 +150,7 @@ def fall_cause(record: WalkRecord) -> str | None:
     return (
         f"{place}: {cause.what} {cause.how_much}{explanation.after}, "
         f"{record.fell_at_s - cause.time_s:.2f} s before; "
-        f"turn {cause.advice}"
+        f"try {cause.advice}"
     )
 
 

@@ -131,7 +131,7 @@ def _why(
     held = _held(own)
     with_change = {name: _held(ends) for name, ends in changed.items()}
     falls = [end for end in own if end.fell]
-    rules = Counter(f"{end.rule} (turn {end.advice})" for end in falls if end.rule)
+    rules = Counter(f"{end.rule} (try {end.advice})" for end in falls if end.rule)
     often = "; ".join(f"{n} times {rule}" for rule, n in rules.most_common(2))
     help_by = sorted(with_change.items(), key=lambda of: of[::-1], reverse=True)
     said_of = _named(library.robot.servo_gain)

@@ -44,7 +44,7 @@ _BACKENDS = {"mujoco": "sim", "dask": "dask", "ray": "ray"}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run one verb and exit: 0 done, 1 the robot fell, 2 bad input."""
+    """Run one verb and exit: 0 done, 1 fell or not passed, 2 bad input, 130 Ctrl-C."""
     sys.exit(run(sys.argv[1:] if arguments is None else list(arguments)))
 
 

@@ -106,6 +106,6 @@ def _show(explanation: Explanation, path: Path) -> None:
     if explanation.fell_at_s is not None:
         lines.append((explanation.fell_at_s, "the fall", "", "", ""))
     rows = [(f"{time_s:.2f}", *more) for time_s, *more in sorted(lines)]
-    heads = ("time [s]", "what broke", "by how much", "limit", "what to turn")
+    heads = ("time [s]", "what broke", "by how much", "limit", "what to try")
     if rows:
         print_table(f"Rules that broke in {path}", heads, rows)

@@ -96,8 +96,20 @@ _LIBRARY = tyro.conf.arg(
     help="A library that `gaitchain build` wrote; `res` comes with gaitchain.",
 )
 _LOGS = tyro.conf.arg(metavar="LOG [LOG ...]", help_behavior_hint="(required)")
+_SEEDED = tyro.conf.arg(help="Seed of all that is drawn; the same one gives the same.")
+Seed = Annotated[int, _SEED, _SEEDED]
 Library = Annotated[str, tyro.conf.Positional, _LIBRARY]
-OwnLibrary = Annotated[str | None, tyro.conf.Positional, _LIBRARY]
+_OPTIONAL = tyro.conf.arg(
+    metavar="[LIBRARY]",
+    help="A library that `gaitchain build` wrote; `res` comes with gaitchain.",
+)
+OwnLibrary = Annotated[str | None, tyro.conf.Positional, _OPTIONAL]
+UsualLibrary = Annotated[str, tyro.conf.Positional, _OPTIONAL]
+_DRAWN = tyro.conf.arg(
+    metavar="[LIBRARY]",
+    help="Library of key poses that Figures 8 to 11 walk; built if there is none. "
+    "`res` is one of strides.",
+)
 Robot = Annotated[
     str,
     tyro.conf.Positional,
@@ -115,7 +127,7 @@ Profile = Annotated[
 ]
 Picture = Annotated[Path | None, tyro.conf.arg(aliases=["-o"], metavar="FILE")]
 _PRESETS = (
-    "Candidate poses: default (the paper's walk), "
+    "Candidate poses: default (the paper's walk), table1 (Table I as printed), "
     + ", ".join(f"{name} ({preset.help})" for name, preset in STRIDE_PRESETS.items())
     + ". A robot of boxes has the first by default, any other one "
     + f"{next(iter(STRIDE_PRESETS))}."
@@ -171,7 +183,7 @@ class Walk:
     push: Pushes = None
     punches: Punches = None
     out: Path = Path("runs/walk")
-    """Folder for walk.json, walk.png, walk.html and the library."""
+    """Folder for walk.json, walk.png, walk.html, walk.rec and the library."""
     seed: Annotated[int, _SEED] = 0
     """Seed of the library that is built, and of the world."""
     policy: Literal["look_ahead", "greedy"] = "look_ahead"
@@ -201,11 +213,12 @@ class Build:
     """Part of the file's servo stiffness and damping to walk with; by default all of
     it; half or twice where no walk holds with that, and walks do with the other."""
     preset: Annotated[str | None, tyro.conf.arg(help=_PRESETS)] = None
-    seed: Annotated[int, _SEED] = 0
+    seed: Seed = 0
     cost: Literal["physics", "planned"] = "physics"
     """Train on walks in physics, or on the planned ZMP alone (Eq. 3)."""
     training: Literal["batch", "sequential"] = "batch"
-    """Order-free counts, or the paper's Eq. 5-6."""
+    """All walks at once, in any order: key poses by expected costs, strides by weighted
+    counts; or the paper's Eq. 5-6, walk by walk."""
     epsilon: float | None = None
     """Least pose inner distance of the key poses that are kept (Eq. 2)."""
     walks: int = 200
@@ -255,7 +268,8 @@ class Trial:
 
     library: Library
     runs: Annotated[int, Limits(1, 10**6)] = 40
-    seed: Annotated[int, _SEED] = 1
+    """Number of walks."""
+    seed: Seed = 1
     schedule: str = "random"
     """Walked in every run, as `walk` takes it; "random" draws one for each: of steps
     with starts and stops, for a dynamic library a new command every 2 s."""
@@ -298,15 +312,17 @@ class Qualify:
     map: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Picture of the pass rates, a row for each world."""
     bound: Annotated[float | None, Limits(1e-9, 0.1)] = None
-    """Falls per step, such as 1e-4, that are to be shown to be fewer. Choose it before
-    the first walk: bounds tried before are told if they are in the library, in that of
-    -o, or in the interrupted run beside it; those of another -o are not known."""
+    """Test whether there are fewer falls per step than this, such as 1e-4. Choose it
+    before the first walk: bounds tried before are told if they are in the library, in
+    that of -o, or in the interrupted run beside it; those of another -o are not
+    known."""
     confidence: Annotated[float, Limits(0.5, 0.999999)] = 0.95
-    """Of that verdict."""
+    """How sure that verdict is to be."""
     seconds: Annotated[float, Limits(2.0, 3600.0)] = 60.0
     """Length of each walk for the bound [s]."""
     most_steps: Annotated[int | None, Limits(1, 10**12)] = None
-    """For the bound; 20 times what it takes without a fall by default."""
+    """Steps after which the test for the bound ends without a verdict; by default 20
+    times those that it takes if nobody falls."""
     pages: Annotated[Path | None, tyro.conf.arg(name="report", metavar="DIR")] = None
     """Folder for report.html, what was shown for a bound, how surely, and what was not,
     and report.json. What it withstands of pushes, how it stops and how it falls is
@@ -335,7 +351,7 @@ class Push:
     """Sides, evenly spaced."""
     body: str = "trunk"
     """Body that is pushed; any draws one for each run, by its part of the mass."""
-    seed: Annotated[int, _SEED] = 1
+    seed: Seed = 1
     output: Picture = None
     """Picture of all sides."""
     workers: Workers = None
@@ -367,7 +383,7 @@ class GetUp:
     """Try what was found before, and search nothing."""
     runs: Annotated[int, Limits(1, 10**5)] = 20
     """Falls onto each side."""
-    seed: Annotated[int, _SEED] = 1
+    seed: Seed = 1
     replay: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """Web page of the first fall onto each side."""
     workers: Workers = None
@@ -376,7 +392,7 @@ class GetUp:
 
 @dataclass(frozen=True)
 class Explain:
-    """Say why a walk fell: which rule broke first, by how much, and what to turn."""
+    """Say why a walk fell: which rule broke first, by how much, and what to try."""
 
     run: Annotated[Path, tyro.conf.Positional]
     """The folder of a walk, its walk.rec, or a log that `serve` wrote (.mcap)."""
@@ -392,10 +408,11 @@ class Explain:
 class Export:
     """Write a library as code, or as motions in the files that other projects read.
 
-    To `c`, C99 without allocation, tables and all: strides only (preset `brisk`). Where
-    there is a C compiler it is tried here: times and memory are printed. To all else
-    reference motions over the whole command range, walked in physics in the nominal
-    world. The exit code is 1, and nothing is written, if one of them falls.
+    With `--to c` a walker in C99 with its tables, without allocation, of strides only
+    (preset `brisk`); where there is a C compiler it is tried here, and times and memory
+    are printed. With every other format reference motions over the whole command range,
+    walked in physics in the nominal world; if one of them falls, the exit code is 1 and
+    nothing is written.
     """
 
     library: Library
@@ -425,7 +442,7 @@ class Export:
 class Calibrate:
     """Find which servo moves which joint and where its zero is, with torque off.
 
-    A person moves the robot by hand as the questions say; no motor is ever turned on.
+    A person moves the robot by hand as the questions say; no motor is turned on for it.
     With `--check` a calibration is compared with the bus instead; the exit code is 1 if
     something differs. With `--exercise` a robot that is calibrated moves by itself, at
     most for a minute, and writes the log that `gaitchain identify` reads.
@@ -519,8 +536,7 @@ class Identify:
 class Figures:
     """Draw Figures 6 to 11 as PNG, with the numbers behind them as JSON."""
 
-    library: OwnLibrary = None
-    """The library of key poses that Figures 8 to 11 walk; built if there is none."""
+    library: Annotated[str | None, tyro.conf.Positional, _DRAWN] = None
     out: Path = Path("runs/figures")
     """Folder for the files."""
     only: str = "6,7,8,9,10,11"
@@ -547,7 +563,7 @@ class Serve:
     Ctrl-C stops the walk and ends it. Without a library, RES walks in simulation.
     """
 
-    library: Library = "res"
+    library: UsualLibrary = "res"
     backend: Annotated[str, tyro.conf.arg(help=_ROBOT_BACKENDS)] = "mujoco"
     own_model: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """The robot's MJCF or URDF: simulate it with every joint, actuator and contact that
@@ -558,7 +574,8 @@ class Serve:
     """Servos' calibration, as `gaitchain calibrate` writes it."""
     rate: Annotated[float | None, Limits(20.0, 1000.0)] = None
     """Control periods a second: 250 in simulation, 100 with motors, by default [Hz]. In
-    simulation a period is a whole number of time steps of 2 ms: 500, 250, 125, 100."""
+    simulation a period is a whole number of time steps of 2 ms, as at 500, 250, 125,
+    100 or 50 Hz."""
     host: str = "127.0.0.1"
     """Address to listen on; others than this computer's own need a token."""
     port: Annotated[int, _PORT] = 8700
@@ -616,7 +633,7 @@ class WarmUp:
     What is compiled already is not compiled again.
     """
 
-    library: Library = "res"
+    library: UsualLibrary = "res"
     report: Report = ReportOptions()
 
 

@@ -21,13 +21,13 @@ from gaitchain.gait.limits import Limits, declared
 from gaitchain.live.logs.logger import next_free
 from gaitchain.live.logs.reader import SUFFIX
 from gaitchain.service.robots import check_backend, kind_of
-from gaitchain.service.settings import Settings, is_loopback
+from gaitchain.service.settings import TOKEN_LENGTHS, Settings, is_loopback
 from gaitchain.service.supervisor import serve
 from gaitchain.sim.world import SAME_PERIOD, World
 
 _LOGS = Path("runs/serve")
 _SIMULATED_HZ, _MOTOR_HZ = 250.0, 100.0
-_TOKEN, _LONGEST = 8, 4096  # least and most characters
+_LEAST, _MOST = TOKEN_LENGTHS
 _VARIABLE = "GAITCHAIN_TOKEN"
 
 
@@ -182,11 +182,11 @@ def _secret(options: Serve) -> tuple[str, str]:
         known = os.environ.get(_VARIABLE)
         return known or "", "" if known is None else f"the variable {_VARIABLE}"
     if str(file) == "-":
-        text = sys.stdin.readline(_LONGEST + 1)
+        text = sys.stdin.readline(_MOST + 1)
         return text.strip(), "the first line of standard input"
     # Also a pipe, as of `<(pass show robot)`.
     with file_errors(file, "read", CommandError), file.open("rb") as opened:
-        text = opened.readline(_LONGEST + 1).decode("utf-8", "replace")
+        text = opened.readline(_MOST + 1).decode("utf-8", "replace")
     return text.strip(), f"the first line of {file}"
 
 
@@ -199,13 +199,13 @@ def _token(options: Serve) -> str:
     token, where = _secret(options)
     if where and not token.strip():  # who asked for a token must not serve without
         raise CommandError(
-            f"the token: {where} is empty; give {_TOKEN} or more ASCII characters, "
+            f"the token: {where} is empty; give {_LEAST} or more ASCII characters, "
             "or ask for no token"
         )
     sound = token.isascii() and token.isprintable() and " " not in token
-    if token and not (sound and _TOKEN <= len(token) <= _LONGEST):
+    if token and not (sound and _LEAST <= len(token) <= _MOST):
         raise CommandError(
-            f"the token: {_TOKEN} to {_LONGEST} printable ASCII characters, no blanks"
+            f"the token: {_LEAST} to {_MOST} printable ASCII characters, no blanks"
         )
     if not token and not is_loopback(options.host):
         raise CommandError(

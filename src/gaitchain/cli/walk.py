@@ -111,7 +111,7 @@ def run(options: Walk) -> tuple[int, dict[str, Any]]:
     _show(summary, library, walked.record, feedback, segments=not goals)
     if note:
         say(f"commands changed: {note}")
-    say(f"{out}: walk.json, walk.png, walk.html (open it in any browser)")
+    say(f"{out}: walk.json, walk.png, walk.rec, walk.html (open it in any browser)")
     return 0 if walked.arrived(goals) and not summary.fell else 1, result
 
 

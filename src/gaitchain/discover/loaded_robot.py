@@ -41,7 +41,20 @@ def robot_file(robot: str | Path) -> Path:
 
 
 def load_robot(robot: str | Path, profile: str | Path | None = None) -> Robot:
-    """Load a robot; see `load_with_findings`."""
+    """Load a robot: a built-in one, one of the MuJoCo Menagerie, or that of a file.
+
+    Args:
+        robot: built-in name, name of the Menagerie, or path of a TOML, MJCF or URDF
+            file.
+        profile: TOML file that overrides what would be found in MJCF or URDF.
+
+    Returns:
+        The robot, as `build_library` takes it.
+
+    Raises:
+        RobotFileError: the file cannot be used, or the robot cannot walk; the message
+            says why, and what would settle it.
+    """
     return load_with_findings(robot, profile).robot
 
 
@@ -51,16 +64,14 @@ def load_with_findings(
     """Load a robot, and keep what its file says of it.
 
     Args:
-        robot: built-in name, name of the Menagerie, or path of a TOML, MJCF or URDF
-            file.
-        profile: TOML file that overrides what would be found in MJCF or URDF.
+        robot: see `load_robot`.
+        profile: see `load_robot`.
 
     Returns:
-        The robot.
+        The robot, and what was found of it.
 
     Raises:
-        RobotFileError: the file cannot be used, or the robot cannot walk; the message
-            says why, and what would settle it.
+        RobotFileError: see `load_robot`.
     """
     given_path(robot, "a robot", RobotFileError)
     if is_boxes(robot):

@@ -78,7 +78,7 @@ def _title(explanation: Explanation, robot: Robot) -> str:
         return f"{robot.name}: {explanation.sentence}"
     return (
         f"{robot.name} fell {when_fell(fell_at_s)}: {cause.what}, {cause.how_much}\n"
-        f"turn {cause.advice}"
+        f"try {cause.advice}"
     )
 
 

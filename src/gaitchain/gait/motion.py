@@ -16,7 +16,7 @@ class Timing:
     """Times of one step: swing up T_a, swing down T_b, double support T_c.
 
     See Sec. II-A and VI-B; the paper's "twenty percent" is the double support
-    (decisions row 4).
+    (row 4 of `docs/paper_map.md`).
     """
 
     step: float = 3.0
@@ -66,7 +66,7 @@ class StepMotion:
 
     Each key pose has its own velocity, so a segment depends on its two ends only (the
     Markov property), and q and dq are continuous between segments. A natural C2 spline
-    would overshoot in sway (decisions row 17).
+    would overshoot in sway (row 17 of `docs/paper_map.md`).
     """
 
     def __init__(self, key_times: Sequence[float], q: Array, dq: Array) -> None:

@@ -86,6 +86,7 @@ class Choice(msgspec.Struct, frozen=True):
     layer: int
     """0 for kp_1."""
     pose: int
+    """Number of the pose in its layer."""
     target: int
     """Pose in which the step is to end."""
     cost: float
@@ -93,6 +94,7 @@ class Choice(msgspec.Struct, frozen=True):
     runners_up: tuple[tuple[int, float], ...]
     """(pose, cost) of the other candidates, cheapest first."""
     left_support: bool
+    """Whether the left foot bears the robot."""
     primitives: dict[str, float]
     """Components of Swing, Lift and Move that make the pose [m, rad]."""
     sizes: tuple[tuple[float, float], ...] = ()
@@ -129,7 +131,9 @@ class Pace(msgspec.Struct, frozen=True):
     """How well the loop keeps its rate."""
 
     period_s: float
+    """Control period [s]."""
     ticks: int
+    """Control periods since the loop began."""
     overruns: int
     """Ticks that ended after the next was due."""
     late_p99_s: float
@@ -152,6 +156,7 @@ class ReplayState(msgspec.Struct, frozen=True):
     speed: float
     """Times as fast as it was."""
     playing: bool
+    """Whether it plays; false while it is paused, and at its end."""
 
 
 class LoopState(msgspec.Struct, frozen=True, kw_only=True):

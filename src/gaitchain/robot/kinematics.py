@@ -68,8 +68,9 @@ def exchange_roles(q: Array) -> Array:
 def lean_vectors(q: Array) -> Array:
     """Return the unit vectors from lower to upper end of the five links.
 
-    u = (sin q, cos q sin theta, cos q cos theta), decisions rows 1 and 2: q is the
-    lean from the vertical in the leg's plane, theta the plane's tilt.
+    u = (sin q, cos q sin theta, cos q cos theta), rows 1 and 2 of
+    `docs/paper_map.md`: q is the lean from the vertical in the leg's plane, theta the
+    plane's tilt.
 
     Args:
         q: (..., 7) pose [rad].

@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import re
 from itertools import pairwise
 from typing import Any
 
@@ -16,6 +17,7 @@ from gaitchain.sim.bodies import ANY_BODY
 _COMPONENTS = "#/components/schemas/"
 # Made of a loop's numbers, and NaN is null in JSON.
 _MAY_BE_UNKNOWN = ("TelemetryFrame", "Scene", "Choice", "Going")
+_IN_JSON = re.compile(r"\b(None|NaN)\b")
 _WHY = {
     202: "Passed on to the loop.",
     401: "No token, or a wrong one.",
@@ -105,19 +107,21 @@ def _set_limits(properties: dict[str, Any], span: CommandRange) -> None:
 
 def _describe(properties: dict[str, Any], struct: type[msgspec.Struct]) -> None:
     """Add what the source says under each field, also of what a struct inherits."""
-    for part in reversed(struct.__mro__[:-2]):  # object and msgspec.Struct say nothing
+    for part in reversed(struct.__mro__):
+        if part is msgspec.Struct or not issubclass(part, msgspec.Struct):
+            continue
         try:
             (stated,) = ast.parse(inspect.getsource(part)).body
         except OSError:  # no source is installed
-            return
+            continue
         for field, text in pairwise(getattr(stated, "body", [])):
             match field, text:
                 case (
                     ast.AnnAssign(target=ast.Name(id=name)),
                     ast.Expr(value=ast.Constant(value=str(said))),
                 ):
-                    described = " ".join(said.split())
-                    properties[name.rstrip("_")]["description"] = described
+                    said = _IN_JSON.sub("null", " ".join(said.split()))
+                    properties[name.rstrip("_")]["description"] = said
 
 
 def _nullable(schema: Any) -> Any:

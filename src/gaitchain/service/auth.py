@@ -55,7 +55,7 @@ _FORM = """<!doctype html>
 <label>Token <input type="password" name="token" autocomplete="off" required></label>
 <button>Sign in</button>
 </form>%s
-<p>The server printed the token when it was started.</p>
+<p>The token is the one that the server was started with.</p>
 </html>
 """
 

@@ -17,7 +17,7 @@ from gaitchain.live.messages import (
     Telemetry,
 )
 from gaitchain.live.scene import Scene
-from gaitchain.service.settings import RobotKind
+from gaitchain.service.settings import TOKEN_LENGTHS, RobotKind
 from gaitchain.sim.push import Punches, Push
 from gaitchain.sim.world import DISTURBANCES, Arms, World
 
@@ -194,7 +194,9 @@ class ReplayRequest(_Strict):
 class Login(_Strict):
     """The token that the server was started with."""
 
-    token: str = Field(max_length=256)
+    token: str = Field(
+        max_length=TOKEN_LENGTHS[1], description="As `serve` was given it."
+    )
 
 
 class DriveMessage(Motion):
@@ -272,31 +274,38 @@ class Problem(msgspec.Struct, frozen=True):
     """Why a request was refused."""
 
     detail: str
+    """What is wrong, with the value and the limit."""
 
 
 class Complaint(msgspec.Struct, frozen=True, tag_field="type", tag="error"):
     """What was wrong with a message on the stream, or with the robot's loop."""
 
     detail: str
+    """What is wrong, with the value and the limit."""
 
 
 class Asked(msgspec.Struct, frozen=True):
     """What was passed on to the loop. Telemetry shows what came of it."""
 
     asked: str
+    """What for: drive, stop, push and so on."""
     driver: str
+    """By whom."""
 
 
 class NumberedEvent(msgspec.Struct, frozen=True):
     """An event of the loop; numbers rise by one from the start of this server."""
 
     number: int
+    """Of this event."""
     time_s: float
     """On the loop's clock [s]."""
     stamp_ns: int
     """UNIX time [ns]."""
     kind: str
+    """mode, command, sensor, link, overrun, push, world, part, or log."""
     text: str
+    """What and why, with the value and the limit."""
 
 
 class Events(msgspec.Struct, frozen=True):
@@ -313,17 +322,20 @@ class Cause(msgspec.Struct, frozen=True):
     time_s: float
     """When it began to, on the loop's clock [s]."""
     amount: float | None
+    """What was measured, in `unit`."""
     limit: float | None
+    """What the rule allows, in `unit`."""
     unit: str
     """Of the amount and the limit."""
     advice: str
-    """What to turn, and how."""
+    """What to change, and how."""
 
 
 class Fall(msgspec.Struct, frozen=True):
     """Why the robot fell last."""
 
     sentence: str
+    """What happened, and what to change."""
     time_s: float
     """On the loop's clock [s]."""
     stamp_ns: int
@@ -336,8 +348,11 @@ class LinkState(msgspec.Struct, frozen=True):
     """The link to the robot, since it was connected."""
 
     sent: int
+    """Requests to the robot."""
     lost: int
+    """Of them, those without a sound answer."""
     note: str
+    """What is wrong with the link now; empty if nothing is."""
     holds: bool
     """Whether motors may have torque although the robot was let go."""
 
@@ -351,8 +366,11 @@ class LoopHealth(msgspec.Struct, frozen=True):
     """How the loop does."""
 
     mode: str
+    """One of `Mode`."""
     reason: str
+    """Why this mode; what to do about it if something is wrong."""
     pace: Pace
+    """How well it keeps its rate."""
 
 
 class Health(msgspec.Struct, frozen=True):
@@ -361,6 +379,7 @@ class Health(msgspec.Struct, frozen=True):
     loop: LoopHealth | None
     """None if the loop is silent."""
     link: LinkState | None
+    """None if the loop is silent."""
     clients: int
     """Of the telemetry stream."""
     viewers: int
@@ -379,11 +398,13 @@ class TelemetryFrame(
     scene: Scene
     """Where robot, soles, ZMP and support region are."""
     link: LinkState
+    """The link to the robot."""
     events: tuple[NumberedEvent, ...]
     """The latest ones."""
     fall: str | None
     """Why the robot lies on the floor, if it does."""
     simulated: bool
+    """Whether physics moves it, and it can be pushed."""
     kind: RobotKind
     """What moves: a simulated robot, nothing (mock), emulated servos or real ones; a
     log does not tell of any other than a simulated one."""
@@ -397,19 +418,20 @@ class JointInfo(msgspec.Struct, frozen=True):
 
     name: str
     lower: float
-    """[rad]"""
+    """Least angle [rad]."""
     upper: float
-    """[rad]"""
+    """Largest angle [rad]."""
     speed: float | None
-    """[rad/s], null for none."""
+    """Largest speed [rad/s]; None for no limit."""
     torque: float | None
-    """[N m]"""
+    """Largest torque of the servo [N m]; None where it is not known."""
 
 
 class PoseInfo(msgspec.Struct, frozen=True):
     """A key pose."""
 
     index: int
+    """Of the pose in its layer, as edges name it."""
     primitives: dict[str, float]
     """Components of Swing, Lift and Move [m, rad]."""
 
@@ -427,7 +449,9 @@ class EdgeInfo(msgspec.Struct, frozen=True, rename={"from_": "from"}):
     layer: int
     """Of the pose that it leaves, 0 for kp_1."""
     from_: int
+    """Pose that it leaves."""
     to: int
+    """Pose that it leads to, of the next layer."""
     cost: float
     """Expected cost of a gait through it."""
 
@@ -436,18 +460,18 @@ class TimingInfo(msgspec.Struct, frozen=True):
     """Planned times."""
 
     step: float
-    """[s]"""
+    """Of one step [s]."""
 
 
 class RangeInfo(msgspec.Struct, frozen=True):
     """Least and most of each speed alone, which share the range; and of a crouch."""
 
     vx: tuple[float, float]
-    """[m/s]"""
+    """Back and ahead [m/s]."""
     vy: tuple[float, float]
-    """[m/s]"""
+    """To the right and to the left [m/s]."""
     yaw_rate: tuple[float, float]
-    """[rad/s]"""
+    """Turning to the right and to the left [rad/s]."""
     crouch: tuple[float, float]
     """Most in place, and at the fastest ahead or back [m]."""
 
@@ -475,7 +499,9 @@ class LibraryInfo(msgspec.Struct, frozen=True):
     fingerprint: str
     """Of the robot."""
     qualified: bool
+    """Whether physics passed it."""
     mass_kg: float
+    """Of the robot [kg]."""
     joints: tuple[JointInfo, ...]
     command_range: RangeInfo
     layers: tuple[LayerInfo, ...]

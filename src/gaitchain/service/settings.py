@@ -8,6 +8,8 @@ import msgspec
 
 RobotKind = Literal["simulation", "mock", "emulated", "real", "unknown"]
 """What a service drives, or its log is of."""
+TOKEN_LENGTHS = 8, 256
+"""Least and most characters of a token: every way of signing in takes as many."""
 _FILE = "settings.json"
 
 
@@ -17,7 +19,7 @@ class Settings(msgspec.Struct, frozen=True):
     library: str
     """Path of the gait library."""
     backend: str = "mujoco"
-    """mujoco, mock, dynamixel:PORT, ros:LINK, ros-effort:LINK."""
+    """mujoco, mock, dynamixel:PORT, feetech:PORT, ros:LINK, ros-effort:LINK."""
     own_model: str | None = None
     """Path of the robot's MJCF or URDF, which is simulated with all its joints."""
     get_up: str | None = None

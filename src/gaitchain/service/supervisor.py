@@ -157,10 +157,12 @@ class Supervisor:
             while not self._ending and not self._serves():
                 self._watch()
             if not self._ending:
-                self._say(f"gaitchain: {self.address} (Ctrl-C ends it)")
+                # Terminals and journals are kept, and a list of processes shows what a
+                # browser was started with.
+                address = self.address if shows_token else self._page
+                self._say(f"gaitchain: {address} (Ctrl-C ends it)")
                 if open_browser:
-                    # A list of processes shows what a browser was started with.
-                    _open_browser(self.address if shows_token else self._page)
+                    _open_browser(address)
             while not self._ending:
                 self._watch()
         finally:
@@ -336,8 +338,8 @@ def serve(
     Args:
         settings: what to serve.
         open_browser: whether to open the page.
-        shows_token: whether the browser may be started with the token in its arguments,
-            which any list of processes shows; otherwise the page asks for it.
+        shows_token: whether the address is said, and opened, with the token, as where
+            a list of processes shows it already; otherwise the page asks for it.
         say: where the address and reports of parts go.
 
     Returns:

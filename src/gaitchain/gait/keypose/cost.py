@@ -36,8 +36,8 @@ class CostSource(Protocol):
 def saturate(displacement: ArrayLike, scale: float) -> Array:
     """Map a sum of squares to [0, 1]: aleph of Eq. 3, f = 1 - exp(-S / S0).
 
-    Ours: the paper does not define aleph (decisions row 8). Beyond S = 37 S0 the result
-    rounds to exactly 1.
+    Ours: the paper does not define aleph (row 8 of `docs/paper_map.md`). Beyond S = 37
+    S0 the result rounds to exactly 1.
 
     Args:
         displacement: S >= 0.

@@ -1,9 +1,9 @@
 """Feasible edges: motions between key poses that a robot can carry out.
 
-Joint angles and speeds are within the limits (decisions row 20), each joint's own where
-the robot was read from a file. Ours: the swing foot keeps a clearance on its way down
-from its highest point, and from heel contact to the end of the step it is set down, not
-dragged.
+Joint angles and speeds are within the limits (row 20 of `docs/paper_map.md`), each
+joint's own where the robot was read from a file. Ours: the swing foot keeps a clearance
+on its way down from its highest point, and from heel contact to the end of the step it
+is set down, not dragged.
 """
 
 from collections.abc import Callable

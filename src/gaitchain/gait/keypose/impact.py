@@ -18,7 +18,7 @@ def velocity_jump(robot: Robot, state: State) -> Array:
     u = [support foot, dq], u+ = u- - M^-1 J^T (J M^-1 J^T)^-1 J u-, where J u is the
     swing foot's velocity and u- has the support foot at rest [Grizzle01]. Both feet
     stay level, so only their translation is free. Ours: the paper mentions the impact
-    without a model (decisions row 19).
+    without a model (row 19 of `docs/paper_map.md`).
 
     Args:
         robot: the robot.

@@ -246,7 +246,9 @@ def _draw_table1(
     rng: np.random.Generator,
     sways: Sways | None,
 ) -> KeyPoses:
-    """Draw Table I as printed, and the hip, which it leaves open (decisions row 6).
+    """Draw Table I as printed, and the hip, which it leaves open.
+
+    That is row 6 of what `docs/paper_map.md` says that we decided.
 
     At kp_1, kp_3 and kp_4 the swing leg's angles are given, so the hip follows by
     closure. At kp_2 it is drawn between the hips of kp_1 and kp_3.

@@ -68,7 +68,8 @@ def lift(
     """Move the swing foot to a target; the support leg stays (Sec. III-A 2).
 
     l1 s1 + l2 s2 - l4 s4 - l5 s5 = x6 and the same with cosines, times cos(theta),
-    for z6: the paper's two equations, as interpreted in decisions rows 1 and 2.
+    for z6: the paper's two equations, as interpreted in rows 1 and 2 of
+    `docs/paper_map.md`.
 
     Args:
         robot: the robot.
@@ -199,10 +200,10 @@ def compose_rates(robot: Robot, parameters: Array, rates: Array) -> Array:
 def factorise(robot: Robot, q: Array) -> Factors:
     """Decompose a pose into primitives: primitive component analysis.
 
-    Ours: the paper names the analysis without a method (decisions row 18). The
-    parameters are computed from the hip and the swing foot of the pose; the residual is
-    the part that they do not determine: trunk lean, unequal sways, knees bent the other
-    way.
+    Ours: the paper names the analysis without a method (row 18 of `docs/paper_map.md`).
+    The parameters are computed from the hip and the swing foot of the pose; the
+    residual is the part that they do not determine: trunk lean, unequal sways, knees
+    bent the other way.
 
     Args:
         robot: the robot.

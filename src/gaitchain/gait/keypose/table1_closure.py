@@ -1,4 +1,7 @@
-"""Whether the poses of Table I, as printed, form a closed cycle (decisions row 5)."""
+"""Whether the poses of Table I, as printed, form a closed cycle.
+
+They do not: row 5 of what `docs/paper_map.md` says that we decided.
+"""
 
 from dataclasses import dataclass
 
