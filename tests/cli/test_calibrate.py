@@ -312,6 +312,41 @@ def test_a_terminal_is_somebody(capsys):
     assert capsys.readouterr().out == "first?\nsecond?\n"
 
 
+def test_a_choice_is_asked_until_it_is_one(capsys):
+    """A minus of another keyboard is no sign, and "no" is no Enter."""
+    ours, theirs = os.openpty()
+    with os.fdopen(theirs) as terminal, os.fdopen(ours, "wb", buffering=0) as person:
+        answers = Answers(terminal)
+        words = iter(["\u2212\n", "--\n", "no\n", "-\n", "stop\n", "\n", "Yes\n"])
+
+        def typing():
+            if "which?" in capsys.readouterr().out:
+                person.write(next(words).encode())
+
+        def choose(*known):
+            return answers.choose("which?", *known, meanwhile=typing)
+
+        assert choose("-") == "-"
+        assert choose() == ""
+        assert choose("-") == ""
+
+
+def test_who_refuses_to_exercise_is_not_moved(library, tmp_path):
+    log = tmp_path / "exercise.log"
+    words = ("calibrate", library, "--exercise", log, "--port", "emulated")
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, *map(str, words)],
+        input="no\nstop\n",
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stdout.count("type nothing before Enter") == 2
+    assert "nobody answers" in done.stderr
+    assert not log.exists()
+
+
 @pytest.mark.parametrize("early", [b"\n", b"\n\ny\n", b"half a line"])
 def test_what_is_typed_before_a_question_does_not_answer_it(early):
     """Enter, pressed while the legs swing, must not let the robot stand up."""

@@ -119,6 +119,13 @@ def test_a_person_skips_and_ends():
     assert "not reached" in done.stdout
 
 
+@pytest.mark.parametrize("refusal", ["no", "stop", "\u2212"])
+def test_who_types_anything_but_enter_begins_nothing(refusal):
+    done = doctor("--port", "emulated", "--json", "-", typed=f"{refusal}\nquit\n")
+    assert json.loads(done.stdout)["stages"]["bus"]["said"] == "ended here"
+    assert "type nothing or s or skip or q or quit before Enter" in done.stderr
+
+
 def test_json_alone_goes_to_standard_output_and_questions_beside_it():
     done = doctor("--port", "emulated", "--json", "-", typed="s\nq\n")
     assert json.loads(done.stdout)["stages"]["bus"]["said"] == "by you"

@@ -153,7 +153,7 @@ class _Guided:
                 f"{len(names)} leg joints; check cables, ids that are there twice, and "
                 "that all have one rate"
             )
-        self.answers.ask(
+        self.answers.choose(
             "Hang the robot up so that its legs swing freely: all torques are turned "
             "off now, and stay off. Press Enter"
         )
@@ -181,9 +181,10 @@ class _Guided:
         ids = list(self.servos)
         while True:
             before = positions(self.bus, ids)
-            typed = self.answers.ask(
+            typed = self.answers.choose(
                 f"{words}, by {2 * LEAST_MOVE_DEG:.0f} deg or more, hold it there and "
-                f"press Enter (type {_OTHER_WAY} before it if only the other way goes)"
+                f"press Enter (type {_OTHER_WAY} before it if only the other way goes)",
+                _OTHER_WAY,
             )
             try:
                 found, sign = who_moved(before, positions(self.bus, ids), self.taken)
@@ -209,7 +210,7 @@ class _Guided:
                 "Stretch both legs: all joints straight, feet side by side, toes ahead,"
                 " soles level"
             )
-        self.answers.ask(f"{what}; hold it still and press Enter")
+        self.answers.choose(f"{what}; hold it still and press Enter")
         at = positions(self.bus, list(self.servos))
         lower, upper = np.degrees([self.legs.lower, self.legs.upper])
         joints = {}
@@ -228,9 +229,9 @@ class _Guided:
         """Narrow a joint's limits to the range through which the person moves it."""
         while True:
             angles: list[float] = []
-            self.answers.ask(
+            self.answers.choose(
                 f"{name}: move it slowly to both ends, then press Enter",
-                partial(self._note_angle, joint, angles),
+                meanwhile=partial(self._note_angle, joint, angles),
             )
             try:
                 low, high = seen_limits(angles, (joint.lower, joint.upper))

@@ -23,7 +23,7 @@ from gaitchain.cli.console import (
 )
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Doctor
-from gaitchain.cli.prompt import Answers
+from gaitchain.cli.prompt import YES, Answers
 from gaitchain.cli.robot_page import robot_page
 from gaitchain.cli.servo_calibration import EMULATED, calibration_of
 from gaitchain.commission.bench import Bench, Verdict
@@ -31,8 +31,7 @@ from gaitchain.commission.stages import STAGES, Stage
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 
-_SKIP, _QUIT = "s", "q"
-_YES, _NO = ("y", "yes"), ("n", "no")
+_SKIP, _QUIT, _NO = ("s", "skip"), ("q", "quit"), ("n", "no")
 _ALONE = Verdict(
     "skipped",
     "--yes: nobody is ready to catch it",
@@ -91,10 +90,10 @@ def _examine(
             return
         say(f"\n[{number} of {len(STAGES)}] {stage.name}: {stage.what}")
         typed = person.goes_on()
-        if typed == _QUIT:
+        if typed in _QUIT:
             found[stage.name] = Verdict("skipped", "ended here")
             return
-        if typed == _SKIP:
+        if typed in _SKIP:
             found[stage.name] = Verdict("skipped", "by you")
             continue
         found[stage.name] = Verdict("skipped", "interrupted")
@@ -136,13 +135,13 @@ class _Asked:
         """Return what was typed before Enter at the begin of a stage."""
         if self._answers is None:
             return ""
-        text = f"  Enter to begin, {_SKIP} to skip it, {_QUIT} to end"
-        return self._answers.ask(text).lower()
+        text = f"  Enter to begin, {_SKIP[0]} to skip it, {_QUIT[0]} to end"
+        return self._answers.choose(text, *_SKIP, *_QUIT)
 
     def ready(self, text: str, meanwhile: Callable[[], None] | None = None) -> None:
         """Ask for something to be done by hand."""
         if self._answers is not None:
-            self._answers.ask(f"  {text}. Press Enter", meanwhile)
+            self._answers.choose(f"  {text}. Press Enter", meanwhile=meanwhile)
 
     def confirms(
         self, question: str, meanwhile: Callable[[], None] | None = None
@@ -150,8 +149,8 @@ class _Asked:
         """Ask a question until it is answered by yes or no."""
         while self._answers is not None:
             typed = self._answers.ask(f"  {question} [y/n]", meanwhile).lower()
-            if typed in _YES + _NO:
-                return typed in _YES
+            if typed in YES + _NO:
+                return typed in YES
             print_line("  type y or n")
         return True
 

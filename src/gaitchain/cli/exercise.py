@@ -142,7 +142,7 @@ def _on_servos(library: GaitLibrary, options: Calibrate) -> ExerciseLog:
         def ready(motion: Motion) -> None:
             backend.limit_torque(_MOST_PWM[motion.support])
             screen.play(motion.targets, CONTROL_PERIOD_S, _COMES[motion.support])
-            answers.ask(_WORDS[motion.support])
+            answers.choose(_WORDS[motion.support])
             screen.clear()
 
         return exercise_servos(robot, backend, ready, tell, sent=screen.show)

@@ -12,6 +12,7 @@ from typing import Any, TextIO
 from gaitchain.cli.console import print_line
 from gaitchain.errors import CommandError
 
+YES = "y", "yes"
 _CHUNK = 4096
 _PAUSE_S = 0.02
 _PIPES = stat.S_ISFIFO, stat.S_ISREG, stat.S_ISSOCK
@@ -71,6 +72,28 @@ class Answers:
             self._typed += chunk
         line, _, self._typed = self._typed.partition(b"\n")
         return line.decode(errors="replace").strip()
+
+    def choose(
+        self, text: str, *words: str, meanwhile: Callable[[], None] | None = None
+    ) -> str:
+        """Ask until Enter alone or one of some words is typed; return the word.
+
+        Whoever types "no" or "stop" starts nothing by it.
+
+        Args:
+            text: the request.
+            words: what may be typed before Enter; yes counts as Enter alone.
+            meanwhile: called every 20 ms while waiting.
+
+        Raises:
+            CommandError: the input has ended.
+        """
+        while (typed := self.ask(text, meanwhile).lower()) not in words:
+            if typed in ("", *YES):
+                return ""
+            known = " or ".join(("nothing", *words))
+            print_line(f"  type {known} before Enter; Ctrl-C ends it")
+        return typed
 
     def _forget(self) -> None:
         """Drop what was typed so far, read or not."""
