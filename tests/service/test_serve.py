@@ -193,6 +193,29 @@ def test_servos_that_lost_their_supply_are_waited_for(tmp_path):
             service.kill_all()
 
 
+def test_a_loop_lets_go_of_servos_though_its_files_are_gone(tmp_path):
+    robot = load_library(shipped_library()).robot
+    library, file = tmp_path / "own.gait", tmp_path / "res.toml"
+    library.write_bytes(shipped_library().read_bytes())
+    calibration = plain_calibration(robot)
+    save_calibration(calibration, file)
+    with ServoBusEmulator.like(calibration, robot.legs.stand) as bus:
+        words = ["--backend", f"dynamixel:{bus.port}", "--calibration", str(file)]
+        service = Service(str(library), *words, "--open-loop", folder=tmp_path)
+        try:
+            service.until(lambda: service.mode("off"))
+            service.client.post("api/v1/start")
+            service.until(lambda: all(s.torque for s in bus.servos.values()))
+            library.unlink()
+            file.write_text("of nothing")
+            killed = service.kill("loop")
+            service.until(lambda: not any(s.torque for s in bus.servos.values()))
+            service.until(lambda: service.part("loop") not in (None, killed))
+            service.until(lambda: service.mode("off"))
+        finally:
+            service.kill_all()
+
+
 def test_a_damaged_library_is_refused_in_one_line(tmp_path):
     damaged = tmp_path / "damaged.gait"
     damaged.write_bytes(shipped_library().read_bytes()[:5000])

@@ -22,6 +22,7 @@ from gaitchain.errors import ServiceError
 from gaitchain.live.messages import Mode, TroubleKind
 from gaitchain.service import supervisor
 from gaitchain.service.channel import LoopEnd
+from gaitchain.service.kept_files import KeptFiles
 from gaitchain.service.pulse import Pulse, Turn, Vitals, turn_of
 from gaitchain.service.settings import Settings, load_settings, save_settings
 
@@ -66,7 +67,7 @@ def watcher(tmp_path):
         said.append(text)
         heard.release()
 
-    watch = supervisor.Supervisor(Settings(library=""), tmp_path, say)
+    watch = supervisor.Supervisor(KeptFiles(Settings(library=""), {}), tmp_path, say)
     watch._pulse.say("starting")
     yield watch, said, heard
     watch._finish()
@@ -121,7 +122,9 @@ def test_a_loop_that_ends_is_not_waited_for(watcher):
 def test_a_loop_that_starts_is_asked_to_end_and_not_just_killed(tmp_path):
     """It has no channel yet that could take a request."""
     said = []
-    watch = supervisor.Supervisor(Settings(library=""), tmp_path, said.append)
+    watch = supervisor.Supervisor(
+        KeptFiles(Settings(library=""), {}), tmp_path, said.append
+    )
     with part_of("import sys; sys.stdin.read()") as part:
         watch._parts["loop"] = part
         watch._finish()
@@ -269,6 +272,19 @@ def test_a_stop_is_remembered_though_the_files_are_removed(watcher, tmp_path):
         assert watch._pulse.beats == before + 1
 
 
+@pytest.mark.parametrize(
+    ("backend", "holds"), [("dynamixel:/dev/ttyUSB0", True), ("mujoco", False)]
+)
+def test_who_gives_a_loop_up_says_whether_motors_may_hold(tmp_path, backend, holds):
+    settings = Settings(library="", backend=backend)
+    watch = supervisor.Supervisor(KeptFiles(settings, {}), tmp_path, lambda text: None)
+    with part_of("pass") as part, pytest.raises(ServiceError) as ended:
+        part.name = "loop"
+        watch._give_up(part, "exit code 1")
+    assert ("SWITCH THE SUPPLY OFF" in str(ended.value)) == holds
+    watch._finish()
+
+
 def test_a_service_without_its_folder_ends_in_one_line(watcher, tmp_path):
     watch, _, _ = watcher
     shutil.rmtree(tmp_path)
@@ -303,7 +319,7 @@ def test_a_token_is_shown_only_where_it_is_shown_already(
     """Journals keep what is said; lists of processes show how a browser was begun."""
     said, tabs, opening = [], [], threading.Event()
     settings = Settings(library="", host="::1", token=token)
-    watch = supervisor.Supervisor(settings, tmp_path, said.append)
+    watch = supervisor.Supervisor(KeptFiles(settings, {}), tmp_path, said.append)
 
     def open_tab(address):
         tabs.append(address)
@@ -336,7 +352,9 @@ def test_the_parts_are_watched_while_a_browser_runs_in_the_console(
     monkeypatch.setattr(webbrowser, "_tryorder", None)  # so that it is looked for anew
     monkeypatch.setattr(webbrowser, "_browsers", {})
     monkeypatch.setattr(signal, "signal", lambda number, handler: None)
-    watch = supervisor.Supervisor(Settings(library=""), tmp_path, lambda text: None)
+    watch = supervisor.Supervisor(
+        KeptFiles(Settings(library=""), {}), tmp_path, lambda text: None
+    )
     monkeypatch.setattr(watch, "_begin", lambda: True)
     monkeypatch.setattr(watch, "_serves", lambda: True)
     watched = threading.Event()
@@ -368,7 +386,9 @@ def test_a_closed_terminal_ends_nothing_under_nohup(
     tmp_path, monkeypatch, nothing_heard, number, code
 ):
     """But a service in the background is ended by SIGINT, which its shell ignores."""
-    watch = supervisor.Supervisor(Settings(library=""), tmp_path, lambda text: None)
+    watch = supervisor.Supervisor(
+        KeptFiles(Settings(library=""), {}), tmp_path, lambda text: None
+    )
     monkeypatch.setattr(watch, "_begin", lambda: os.kill(os.getpid(), number))
     assert watch.run(open_browser=False) == code
 

@@ -20,7 +20,7 @@ from gaitchain.gait.library_file import load_library
 from gaitchain.gait.limits import Limits, declared
 from gaitchain.live.logs.logger import next_free
 from gaitchain.live.logs.reader import SUFFIX
-from gaitchain.service.robots import check_backend, kind_of
+from gaitchain.service.robots import check_backend, kind_of, servo_calibration
 from gaitchain.service.settings import TOKEN_LENGTHS, Settings, is_loopback
 from gaitchain.service.supervisor import serve
 from gaitchain.sim.world import SAME_PERIOD, World
@@ -43,6 +43,8 @@ def run(options: Serve) -> tuple[int, dict[str, Any]]:
     _check_own(options, known)
     options = _with_rate_of_own(options, known)
     settings = _settings(options, library, token)
+    if settings.calibration is not None:
+        servo_calibration(settings, known)  # reports a bad file likewise
     log = None if settings.log is None else str(next_free(Path(settings.log))[0])
     code = serve(
         settings,

@@ -3,7 +3,7 @@
 # ruff: noqa: PLC0415 - each backend brings its own libraries.
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.service.settings import RobotKind, Settings
 from gaitchain.sim.world import World
 from gaitchain.walker.riser import Riser
+
+if TYPE_CHECKING:
+    from gaitchain.backends.dynamixel import Calibration
 
 _EMULATED = "emulated"
 _ROS = ("ros", "ros-effort")
@@ -101,7 +104,7 @@ def open_robot(settings: Settings, library: GaitLibrary) -> OpenedRobot:
 
         driven = RosBackend if kind == "ros" else RosEffortBackend
         return OpenedRobot(driven(open_link(rest or _LINK), joints, period_s))
-    return _servos(kind, rest, settings, library, period_s)
+    return _servos(rest, settings, library, period_s)
 
 
 def open_riser(settings: Settings, library: GaitLibrary) -> Riser | None:
@@ -139,30 +142,41 @@ def _in_own_model(
         return WholeBodyBackend(model, library, period_s)
 
 
-def _servos(
-    make: str, port: str, settings: Settings, library: GaitLibrary, period_s: float
-) -> OpenedRobot:
+def servo_calibration(settings: Settings, library: GaitLibrary) -> "Calibration":
+    """Return the calibration that servos have; a plain one of emulated ones.
+
+    Args:
+        settings: with servos as their backend.
+        library: of the robot that it must be for.
+
+    Raises:
+        CommandError: it is of another make.
+        MissingExtraError: no package for servos is installed.
+        CalibrationError: it cannot be read, or is not for this robot.
+    """
     from msgspec import convert
 
-    from gaitchain.backends.dynamixel import (
-        DynamixelBackend,
-        ServoBusEmulator,
-        load_calibration,
-        plain_calibration,
-    )
+    from gaitchain.backends.dynamixel import load_calibration, plain_calibration
+
+    make, _, port = settings.backend.partition(":")
+    if settings.calibration is None:
+        return plain_calibration(library.robot, make=convert(make, MakeName))
+    found = load_calibration(Path(settings.calibration), library.robot.nominal)
+    if found.make != make:
+        raise CommandError(
+            f"--backend {make}: the calibration says make = {found.make!r}: give "
+            f"--backend {found.make}:{port}"
+        )
+    return found
+
+
+def _servos(
+    port: str, settings: Settings, library: GaitLibrary, period_s: float
+) -> OpenedRobot:
+    from gaitchain.backends.dynamixel import DynamixelBackend, ServoBusEmulator
 
     names, emulated = library.robot.legs.joint_names, port == _EMULATED
-    if settings.calibration is not None:
-        calibration = load_calibration(
-            Path(settings.calibration), library.robot.nominal
-        )
-    else:  # of emulated servos
-        calibration = plain_calibration(library.robot, make=convert(make, MakeName))
-    if calibration.make != make:
-        raise CommandError(
-            f"--backend {make}: the calibration says make = {calibration.make!r}: give "
-            f"--backend {calibration.make}:{port}"
-        )
+    calibration = servo_calibration(settings, library)
     if emulated:
         stand = dict(zip(names, library.robot.legs.stand, strict=True))
         angles = np.array([stand.get(name, 0.0) for name in calibration.joints])

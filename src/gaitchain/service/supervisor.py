@@ -28,6 +28,7 @@ from gaitchain.errors import ServiceError, file_errors
 from gaitchain.live.messages import Note, Shutdown
 from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.ends import known_ends
+from gaitchain.service.kept_files import KeptFiles, keep_files
 from gaitchain.service.own_port import own_port
 from gaitchain.service.part import REFUSED, SERVED
 from gaitchain.service.pulse import (
@@ -39,6 +40,7 @@ from gaitchain.service.pulse import (
     part_pulse,
     turn_of,
 )
+from gaitchain.service.robots import kind_of
 from gaitchain.service.service_folder import service_folder
 from gaitchain.service.settings import Settings, are_saved, save_settings
 
@@ -47,6 +49,7 @@ _SAY_S, _SAY_AGAIN_S = 3.0, 10.0  # when a start that takes long is said
 _SILENT_S = 3.0  # a loop that could have ticked for so long is started again
 _LOOK_S = 0.1
 _STARTING = "starting"
+_MAY_HOLD = ": motors may still have torque; hold the robot, and SWITCH THE SUPPLY OFF"
 _API, _VIEWER, _LOG = "api", "viewer", "log"
 # [s]; where nothing is known of a process's state, a slow disk looks like a stuck log.
 _PARTS_SILENT_S = {_API: 10.0, _VIEWER: 10.0, _LOG: 20.0}
@@ -130,9 +133,15 @@ class Part:
 class Supervisor:
     """The parts of one service."""
 
-    def __init__(self, settings: Settings, folder: Path, say: Say) -> None:
+    def __init__(self, kept: KeptFiles, folder: Path, say: Say) -> None:
         """Plan the parts; `run` starts them."""
-        self._settings, self._folder, self._say = settings, folder, say
+        settings = kept.settings
+        self._kept, self._settings, self._folder, self._say = (
+            kept,
+            settings,
+            folder,
+            say,
+        )
         self._driver = "player" if settings.replay else "loop"
         self._first = [self._driver]
         if settings.log and not settings.replay:
@@ -279,12 +288,16 @@ class Supervisor:
         with file_errors(self._folder, "written", ServiceError):
             if not are_saved(self._folder):
                 save_settings(self._settings, self._folder)
+            self._kept.put_back()
             self._pulse.put_back()
 
     def _give_up(self, part: Part, how: str) -> None:
         """Go on without a part, unless nobody could drive without it."""
         if part.name == self._driver:
-            raise ServiceError(f"the {part.name} part ended with {how}, for good")
+            holds = _MAY_HOLD if kind_of(self._settings) == "real" else ""
+            raise ServiceError(
+                f"the {part.name} part ended with {how}, for good{holds}"
+            )
         if part.name == _API and part.code == REFUSED:
             host, port = self._settings.host, self._settings.port
             raise ServiceError(
@@ -355,8 +368,9 @@ def serve(
         viewer_secret=secrets.token_urlsafe(),
     )
     with service_folder() as folder:
-        save_settings(settings, folder)
-        supervisor = Supervisor(settings, folder, say)
+        kept = keep_files(settings, folder)
+        save_settings(kept.settings, folder)
+        supervisor = Supervisor(kept, folder, say)
         return supervisor.run(open_browser=open_browser, shows_token=shows_token)
 
 
