@@ -173,6 +173,7 @@ def test_who_fell_at_rest_is_not_started_and_may_get_up(op3):
     assert op3.mode is Mode.STOPPED
     assert op3.last.trouble is TroubleKind.LYING
     assert op3.last.can_get_up
+    assert op3.last.reason.endswith("; let it get up, or set it up and reset")
     op3.ask(GetUp("me"))
     op3.run(0.1)
     assert op3.mode is Mode.GETTING_UP

@@ -499,7 +499,24 @@ def test_a_joint_that_is_silent_at_the_start_is_not_started():
     live.run(0.1)
     assert live.mode is Mode.OFF
     assert not robot.engaged
-    assert "cannot start" in live.happened("link")[-1]
+    name = live.loop.modes._joint_names[2]
+    assert f"cannot start: no answer of {name}, asked" in live.happened("link")[-1]
+
+
+def test_a_joint_that_is_silent_once_at_the_start_is_asked_again():
+    robot = FaultyRobot(physical=True)
+    live = Live(backend=robot).run(0.1)
+    silent = iter([2, 5, 2])
+
+    def now_and_then(sensors):
+        joint = next(silent, None)
+        return sensors if joint is None else hide("joint_position", joint)(sensors)
+
+    live.ask(Start("me"))
+    robot.engage = lambda: setattr(robot, "spoil", now_and_then)  # not the tick's own
+    live.run(0.1)
+    assert next(silent, None) is None
+    assert live.mode is Mode.RISING
 
 
 def test_a_limp_robot_is_told_so_again():
@@ -633,7 +650,8 @@ def test_a_robot_that_lies_there_is_not_started_and_has_not_fallen_just_now():
     live.run(1.0)
     assert (live.mode, live.robot.engaged) == (Mode.STOPPED, False)
     assert re.fullmatch(
-        r"lies there: the trunk leans by \d+ deg, limit 50; .* reset", live.last.reason
+        r"lies there: the trunk leans by \d+ deg, limit 50; set it up and reset",
+        live.last.reason,
     )
     assert not live.last.fell
     assert live.happened("mode")[-1].startswith("off to stopped: lies there")

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gaitchain.errors import BackendError, CommandError
+from gaitchain.errors import CommandError
 from gaitchain.live.safe_backend import SafeBackend
 from gaitchain.messages import Array
 from gaitchain.walker.riser import Riser, Rising
@@ -65,11 +65,8 @@ class GettingUp:
         """
         assert self.riser is not None  # whoever calls has seen `able`
         self._backend.engage()
-        here = self._backend.read_whole().joint_position
-        if not np.isfinite(here).all():
-            raise BackendError("not every joint says where it is")
-        self.riser.begin(self._in_order(here))
-        self.target = np.array(here)
+        self.target = self._backend.where_whole()
+        self.riser.begin(self._in_order(self.target))
 
     def step(self) -> Rising:
         """Choose the targets of this control period; return what it does.

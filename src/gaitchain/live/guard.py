@@ -191,7 +191,7 @@ class Guard:
         return Trouble(
             TroubleKind.LYING,
             f"lies there: the trunk leans by {math.degrees(tilt):.0f} deg, limit "
-            f"{math.degrees(most):.0f}; let it get up, or set it up and reset",
+            f"{math.degrees(most):.0f}",
         )
 
     def _age(

@@ -85,7 +85,8 @@ class ModeMachine:
         self.command = Command()
         """What is carried out."""
         self._wanted: Command | ask.Errand | None = self.command
-        self.up = GettingUp(backend, tuple(legs.joint_names))
+        self._joint_names = tuple(legs.joint_names)
+        self.up = GettingUp(backend, self._joint_names)
         """The way up, which has all joints while the mode is GETTING_UP."""
         self.trip = Trip(walker)
         """The way that the walker is on, if the driver sent it on one."""
@@ -241,7 +242,9 @@ class ModeMachine:
     def _start(self, request: ask.Start) -> None:
         """Rise from where the joints are now, unless it lies on the floor."""
         if self.lying is not None:
-            self._torque_off(self.lying)
+            ways = "let it get up, or set it up" if self.up.able else "set it up"
+            reason = f"{self.lying.reason}; {ways} and reset"
+            self._torque_off(self.lying._replace(reason=reason))
             return
         if beyond := self._limiter.beyond(self._stand):
             why = f"the standing pose is out of reach: {beyond}; calibrate it again"
@@ -249,16 +252,14 @@ class ModeMachine:
             return
         try:
             self._backend.engage()
-            here = self._backend.read().joint_position
-            if not np.isfinite(here).all():
-                raise BackendError("not every joint says where it is")
+            here = self._backend.where(self._joint_names)
         except BackendError as error:
             self._backend.release()
             self._events.add("link", f"cannot start: {error}")
             return
-        self.target = np.array(here)
+        self.target = here
         self.times_connected += 1
-        self._move_from(self.target)
+        self._move_from(here)
         self._rose = False
         self._enter(Mode.RISING, "slowly to the standing pose")
 

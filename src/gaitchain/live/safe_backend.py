@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -21,6 +21,7 @@ from gaitchain.messages import Array, MotorTargets, Sensors
 from gaitchain.walker.sensor_check import in_arrays
 
 _FIRST_S, _LONGEST_S = 1.0, 10.0
+_ASKED = 10  # times, before a joint counts as one that does not answer
 _log = logging.getLogger(__name__)
 _T = TypeVar("_T")
 
@@ -94,6 +95,21 @@ class SafeBackend:
         return self._trying(
             "read all joints", lambda: _sound(whole.read_whole(), count)
         )
+
+    def where(self, names: Sequence[str]) -> Array:
+        """Return where the joints are [rad]; those that do not answer are asked again.
+
+        Args:
+            names: of the joints, for the error.
+
+        Raises:
+            BackendError: one does not answer, however often it is asked.
+        """
+        return _where(self.read, names)
+
+    def where_whole(self) -> Array:
+        """Return the same of all joints."""
+        return _where(self.read_whole, self.whole_joint_names)
 
     def write_whole(self, position: Array) -> None:
         """Send targets of all joints [rad]."""
@@ -174,6 +190,19 @@ def _sized(values: ArrayLike, count: int) -> Array:
     if found.shape != (count,):
         raise ValueError(f"{found.shape} numbers, not ({count},)")
     return found
+
+
+def _where(read: Callable[[], Sensors], names: Sequence[str]) -> Array:
+    found = np.full(len(names), np.nan)
+    for _ in range(_ASKED):
+        found = np.where(np.isnan(found), read().joint_position, found)
+        if np.isfinite(found).all():
+            return found
+    silent = [n for n, q in zip(names, found, strict=True) if not np.isfinite(q)]
+    raise BackendError(
+        f"no answer of {', '.join(silent)}, asked {_ASKED} times; check cables and "
+        "supply"
+    )
 
 
 class Backoff:
