@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import threading
+from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
 
@@ -57,6 +58,13 @@ def steps(path):
     return [row.steps for row in log.telemetries()], log
 
 
+def rows_lost(path):
+    """What a log that was ended says is missing, as any reader of MCAP finds it."""
+    with path.open("rb") as stream:
+        facts = {m.name: m.metadata for m in make_reader(stream).iter_metadata()}
+    return int(facts["rows_lost"]["rows"])
+
+
 def test_a_killed_logger_loses_the_last_half_second_at_most(path, library_path):
     with child(path, library_path, 3.2) as process:
         assert process.stdout.readline() == "done\n"
@@ -79,7 +87,6 @@ def test_a_full_disk_ends_a_log_and_not_the_walk(path, library_path):
     assert "next try in 10 s" in lines[0]
     # The tries in between failed as well: told once, and no files left.
     assert lines[1] == "walked on to 30.0 s"
-    assert lines[2] == f"the log goes on in {path.with_name('walk-2.mcap')}"
     assert lines[3] == "done"
     assert len(list(path.parent.iterdir())) == 2
     first, log = steps(path)
@@ -87,10 +94,13 @@ def test_a_full_disk_ends_a_log_and_not_the_walk(path, library_path):
     assert 100 < len(first) < 1500
     assert log.damage
     assert path.stat().st_size <= 1_200_000
-    last, log = steps(path.with_name("walk-2.mcap"))
-    assert log.damage == ""
+    again = path.with_name("walk-2.mcap")
+    last, log = steps(again)
     assert last == list(range(last[0], 4500))
     assert last[0] <= 4000
+    assert log.lost == last[0] - len(first)
+    assert lines[2] == f"the log goes on in {again}; {missing(log.lost)}"
+    assert rows_lost(again) == log.lost
 
 
 def test_a_log_that_cannot_begin_is_told_once_and_tried_again(tmp_path):
@@ -129,6 +139,125 @@ def test_a_log_whose_folder_is_removed_is_told_and_goes_on(tmp_path):
     again = path.with_name("walk-2.mcap")
     assert said[1:] == [f"the log goes on in {again}"]
     assert steps(again)[0][-1] == 2999
+
+
+class Disk:
+    """A log on a disk that can be full, on a clock of its own."""
+
+    def __init__(self, folder):
+        self.folder, self.now_s, self.said, self.loggers = folder, 0.0, [], []
+        self.begin()
+
+    def begin(self):
+        """Start a logger of the log, as after a kill of the one before."""
+        path, ledger = self.folder / "walk.mcap", self.folder / "log.json"
+        said, now = self.said.append, lambda: self.now_s
+        self.loggers.append(Logger(path, LIBRARY, said, now, ledger=ledger))
+
+    def write(self, numbers):
+        for number in numbers:
+            self.now_s += 0.01
+            self.loggers[-1].write(told(RES, self.now_s, number=number))
+
+    def sync(self):
+        self.now_s += 1.0
+        self.loggers[-1].sync()
+
+    @contextmanager
+    def full(self):
+        """A limit on the size of files stands for it."""
+        resource = pytest.importorskip("resource")
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+    def ended(self):
+        """Close all; return numbers of the rows of the first and last file, and it."""
+        for logger in self.loggers:
+            logger.close()
+        last = max(self.folder.glob("walk-*.mcap"))
+        log = read_log(last)
+        first = read_log(self.folder / "walk.mcap").telemetries()
+        return [r.number for r in first], [r.number for r in log.telemetries()], log
+
+
+@pytest.fixture
+def disk(tmp_path):
+    return Disk(tmp_path)
+
+
+def missing(count):
+    return f"{count} rows of the loop are not in the log"
+
+
+def test_rows_that_came_while_the_disk_was_full_are_lost(disk):
+    disk.write(range(1, 501))
+    with disk.full():
+        disk.write(range(501, 2001))
+    disk.write(range(2001, 3501))
+    first, last, log = disk.ended()
+    assert first == list(range(1, first[-1] + 1))
+    assert last == list(range(last[0], 3501))
+    assert 400 < first[-1] <= 500
+    assert 2000 < last[0] <= 3100
+    assert log.lost == last[0] - 1 - first[-1]
+    assert log.damage.startswith(f"{missing(log.lost)}: one gap")
+    assert disk.said[1:] == [f"the log goes on in {log.path}; {missing(log.lost)}"]
+    assert rows_lost(log.path) == log.lost
+
+
+def test_a_loop_that_began_again_while_the_disk_was_full_lost_rows_of_both(disk):
+    """How far the one before came is in no row, and so in the sum alone."""
+    disk.write(range(1, 501))
+    with disk.full():
+        disk.write(range(501, 1001))
+        disk.write(range(1, 801))
+    disk.write(range(801, 2401))
+    first, last, log = disk.ended()
+    assert log.lost == last[0] - 1
+    lost = 1000 - first[-1] + log.lost
+    assert disk.said[1].endswith(missing(lost))
+    assert rows_lost(log.path) == lost
+
+
+def test_a_loop_that_began_again_just_before_the_disk_was_full_is_told_apart(disk):
+    disk.write(range(1, 501))
+    disk.sync()
+    disk.write(range(1, 11))
+    with disk.full():
+        disk.write(range(11, 801))
+    disk.write(range(801, 2401))
+    _, last, log = disk.ended()
+    assert log.lost == last[0] - 1
+
+
+def test_the_list_of_the_files_has_the_last_row_that_was_written(disk):
+    """A logger is killed as soon as the log goes on."""
+    disk.write(range(1, 501))
+    with disk.full():
+        disk.write(range(501, 1001))
+    disk.now_s += 20.0
+    disk.write([1001])
+    disk.begin()
+    disk.write(range(1011, 1101))
+    first, last, log = disk.ended()
+    assert last == list(range(1011, 1101))
+    assert log.lost == 1010 - first[-1]
+
+
+def test_a_single_row_is_told_of_in_the_singular(disk):
+    disk.write(range(1, 501))
+    disk.sync()
+    with disk.full():
+        disk.write([501])
+        disk.sync()
+    disk.now_s += 20.0
+    disk.write([502])
+    disk.ended()
+    assert disk.said[1].endswith("; 1 row of the loop is not in the log")
 
 
 def test_an_older_log_is_never_written_over(tmp_path):
@@ -237,9 +366,7 @@ def test_rows_that_are_lost_are_told_of_and_noted_in_the_log(tmp_path):
     log = read_log(tmp_path / "walk.mcap")
     list(log.telemetries())
     assert log.lost == 29 * 30
-    with (tmp_path / "walk.mcap").open("rb") as stream:
-        facts = {m.name: m.metadata for m in make_reader(stream).iter_metadata()}
-    assert facts["rows_lost"] == {"rows": str(29 * 30)}
+    assert rows_lost(tmp_path / "walk.mcap") == 29 * 30
 
 
 def test_a_silent_loop_does_not_keep_its_last_words_from_the_disk(tmp_path):

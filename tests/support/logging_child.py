@@ -34,8 +34,8 @@ class Walk:
         """Log so many seconds, 200 kB each, which cannot be compressed."""
         for _ in range(round(seconds * RATE_HZ)):
             text = self._rng.bytes(1500).hex() if self._limit else ""
-            row = told(self._robot, self.now_s, steps=self.steps, reason=text)
-            self.logger.write(row)
+            counts = {"steps": self.steps, "number": self.steps + 1}
+            self.logger.write(told(self._robot, self.now_s, **counts, reason=text))
             self.steps += 1
             self.now_s = self.steps / RATE_HZ
 

@@ -15,7 +15,7 @@ import msgspec
 
 from gaitchain.errors import LogError
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.live.logs.gaps import Gaps
+from gaitchain.live.logs.gaps import Gaps, rows_missing
 from gaitchain.live.logs.writer import LogFile
 from gaitchain.live.messages import Telemetry
 from gaitchain.robot.whole_file import replace_file
@@ -117,15 +117,10 @@ class Logger:
         """Add a row, as far as it can be written."""
         if self._file is None and self._now() >= self._again_s:
             self._open()
-        self._gaps.take(telemetry)
-        if self._gaps.lost > self._said and self._now() >= self._say_s:
-            self._said, self._say_s = self._gaps.lost, self._now() + SAID_S
-            self._report(self._gaps.in_words)
-        if self._file is not None:
-            try:
-                self._file.write(telemetry)
-            except LogError as error:
-                self._leave(error)
+        if self._file is None:
+            self._gaps.pass_over(telemetry)
+        else:
+            self._add(self._file, telemetry)
         self.sync()
 
     def sync(self) -> None:
@@ -137,6 +132,7 @@ class Logger:
         except LogError as error:
             self._leave(error)
         else:
+            self._gaps.keep()
             self._note_files()
         self._due_s = self._now() + SYNC_S
         if self._file is not None and self._file.size >= self._room.file_bytes:
@@ -152,6 +148,28 @@ class Logger:
             except LogError as error:
                 _LOG.error("%s", error)
 
+    def _add(self, file: LogFile, telemetry: Telemetry) -> None:
+        self._gaps.take(telemetry)
+        self._tell(file)
+        try:
+            file.write(telemetry)
+        except LogError as error:
+            self._leave(error)
+
+    def _tell(self, file: LogFile) -> None:
+        """Report that the log goes on, or that rows are lost, if it is time to."""
+        if self._failed:
+            missing = self._gaps.lost_since_kept
+            without = f"; {rows_missing(missing)}" if missing else ""
+            text = f"the log goes on in {file.path}{without}"
+        elif self._gaps.lost > self._said and self._now() >= self._say_s:
+            text = self._gaps.in_words
+        else:
+            return
+        self._failed = False
+        self._said, self._say_s = self._gaps.lost, self._now() + SAID_S
+        self._report(text)
+
     def _open(self) -> None:
         try:
             self._file = LogFile(self._free(), self._library, self._gaps.number)
@@ -165,9 +183,6 @@ class Logger:
                 self._written.popleft().unlink()
         self._note_files()
         self._due_s = self._now() + SYNC_S
-        if self._failed:
-            self._failed = False
-            self._report(f"the log goes on in {self._file.path}")
 
     def _note_files(self) -> None:
         """Note files and latest row for a logger that is started again."""
@@ -187,6 +202,7 @@ class Logger:
         """Give up the file; report why, unless that was done before."""
         if self._file is not None:
             self._file.abandon()
+            self._gaps.drop()
         self._file = None
         self._again_s = self._now() + AGAIN_S
         if not self._failed:
