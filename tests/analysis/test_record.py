@@ -253,6 +253,13 @@ def parts(tmp_path):
     return load(data), header, write
 
 
+def cut(shape, last, kind=np.float64):
+    """A column without measurements, but for the last of its numbers."""
+    column = np.full(shape, math.nan, kind)
+    column.flat[-1] = last
+    return column
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -264,6 +271,24 @@ def parts(tmp_path):
         ({"self_contact": np.zeros(5)}, "self_contact is float64"),
         ({"support": np.full(5, 9, dtype=np.uint8)}, "inconsistent"),
         ({"time_s": np.full(5, math.nan)}, "a time is no number"),
+        ({"time_s": np.array([0.0, 0.1, 0.2, math.inf, 0.4])}, "inf in row 3, at most"),
+        (
+            {"time_s": np.array([0.0, 0.1, 0.2, 0.2, 0.4])},
+            "is 0.2 in row 3, needs more",
+        ),
+        (
+            {"zmp": cut((5, 2), math.inf)},
+            r"zmp has a value of inf in row 4, at most 1e\+12",
+        ),
+        (
+            {"soles": cut((5, 2, 4, 2), -1e308)},
+            r"soles has a value of -1e\+308 in row 4",
+        ),
+        (
+            {"tilt": cut((5, 2), math.inf, np.float16)},
+            "tilt has a value of inf in row 4",
+        ),
+        ({"torque": cut((5, 12), 1e13)}, r"torque has a value of 1e\+13 in row 4"),
     ],
 )
 def test_columns_that_do_not_fit_are_refused(changes, words, parts):

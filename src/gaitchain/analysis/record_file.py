@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
+from gaitchain.analysis.column_check import check_sizes
 from gaitchain.analysis.record import SUPPORTS, Limit, WalkRecord, joint_names
 from gaitchain.errors import GaitchainError, RecordError, file_errors, names_apart
 from gaitchain.gait.file_kind import other_kind
@@ -30,6 +31,7 @@ RECORD = "walk.rec"
 _MOST_BYTES = 1_000_000_000  # an hour at 100 Hz has a third
 _KEY = "gaitchain"  # the only metadata entry, as in a library's file
 _UNHEARD_S = 1.0  # from the last row to the fall: a period, more where rows were lost
+_MOST = 1e12  # in SI units; in MuJoCo speeds end at 1e10, whatever diverges
 _JOINTS, _BASE = -1, 7  # placeholder for 2 n joints; positions of the free joint
 # Shape of each column in the file, without its first dimension N.
 _COLUMNS: Mapping[str, tuple[int, ...]] = {
@@ -173,7 +175,7 @@ def _unpack(data: bytes, origin: str) -> tuple[dict[str, NDArray[Any]], dict[str
 
 
 def _check(arrays: Mapping[str, NDArray[Any]], robot: Robot | None) -> None:
-    """Raise ValueError for missing or unknown columns and wrong types or shapes."""
+    """Raise ValueError for missing or unknown columns, wrong types, shapes or sizes."""
     joints = len(joint_names(robot))
     counts = {_JOINTS: joints, _BASE + _JOINTS: _BASE + joints}
     if set(arrays) != set(_COLUMNS):
@@ -186,8 +188,22 @@ def _check(arrays: Mapping[str, NDArray[Any]], robot: Robot | None) -> None:
             raise ValueError(
                 f"{name} is {array.dtype} {array.shape}, needs {(rows, *shape)}"
             )
-    if not rows or not np.isfinite(arrays["time_s"]).all():
+        if kind == "f":
+            check_sizes(name, array, _MOST)
+    _check_times(arrays["time_s"])
+
+
+def _check_times(time_s: NDArray[Any]) -> None:
+    """Raise ValueError for times that are no numbers or do not rise."""
+    if not len(time_s) or np.isnan(time_s).any():
         raise ValueError("it has no rows, or a time is no number")
+    stays = np.flatnonzero(np.diff(time_s) <= 0.0)
+    if len(stays):
+        row = stays[0] + 1
+        raise ValueError(
+            f"time_s is {time_s[row]:g} in row {row}, needs more than "
+            f"{time_s[row - 1]:g}, that of the row before"
+        )
 
 
 def _check_facts(facts: _Header, time_s: NDArray[Any], joints: int) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
+from gaitchain.analysis.column_check import check_sizes
 from gaitchain.errors import LogError, file_errors, short_name
 from gaitchain.gait.file_kind import other_kind
 from gaitchain.live.exercise import Motion, Support
@@ -224,8 +225,4 @@ def _check_column(name: str, column: Any, rows: int, joints: int) -> None:
             f"{name} has shape {column.shape}, must be {shape}, by the {rows} rows of "
             f"target and {joints} joint_names"
         )
-    # NaN alone is no measurement; infinity is one that cannot be.
-    found = np.abs(column[~np.isnan(column)]).max(initial=0.0)
-    most = _MOST_TIME_S if name == "time_s" else ABSURD
-    if found > most:
-        raise ValueError(f"{name} has a value of {found:.3g}, at most {most:g}")
+    check_sizes(name, column, _MOST_TIME_S if name == "time_s" else ABSURD)
