@@ -24,6 +24,9 @@ EXTRAS = {
 }
 """Each extra of the package, and the modules that it brings."""
 
+MOST_SAID = 500
+"""Characters of why a foreign file is refused, which may quote what is in it."""
+
 
 class GaitchainError(Exception):
     """Root of every error that gaitchain raises on purpose."""

@@ -349,6 +349,33 @@ def test_what_would_fit_is_said(changes, words, parts):
     refuse(write(arrays, {**header, **changes}), words)
 
 
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (10**400, "servo_damping of the robot is 1000.*, must be finite"),
+        ("x" * 100_000, "servo_damping of the robot is 'xxx.*, must be a number"),
+        ([], r"servo_damping of the robot is \[\], must be a number"),
+    ],
+)
+def test_what_is_no_number_of_a_robot_is_told_in_part(number, words, parts):
+    arrays, header, write = parts
+    header["robot"]["numbers"]["servo_damping"] = number
+    brief(write(arrays, header), words)
+
+
+def test_what_a_foreign_header_says_is_told_in_part(parts):
+    arrays, header, write = parts
+    long = "x" * 100_000
+    brief(write(arrays, {**header, "schema": long}), "record schema 'xxx")
+    brief(write({**arrays, long: arrays["tilt"]}, header), "columns unknown: xxx")
+
+
+def brief(path, words):
+    with pytest.raises(RecordError, match=words) as caught:
+        load_record(path)
+    assert len(str(caught.value)) < 600 + len(str(path))
+
+
 @settings(max_examples=60)
 @given(st.integers(0, 10**6), st.integers(0, 255))
 def test_a_changed_byte_is_refused_or_does_no_harm(tmp_path_factory, place, value):

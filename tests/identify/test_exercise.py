@@ -179,10 +179,14 @@ WRONG = {
     "Invalid enum value 'hung' - at `$.supports[0]`": lambda header, _: header.update(
         supports=["hung"]
     ),
+    "Invalid enum value 'xxx": lambda header, _: header.update(supports=["x" * 10**5]),
     "supports is empty": lambda header, _: header.update(supports=[]),
     "period_s is 0, must be 0.001 to 0.1": lambda header, _: header.update(period_s=0),
     "its kind and schema are 'exercise', 2, must be 'exercise', 1": lambda header, _: (
         header.update(schema=2)
+    ),
+    f"its kind and schema are 'evil  {'x' * 51}...', 1, must be": lambda header, _: (
+        header.update(kind="evil\x1b\n" + "x" * 100_000)
     ),
     "the motion 'held' has 1 s, needs 2": lambda header, _: header.update(
         period_s=0.004
@@ -195,8 +199,9 @@ def test_what_is_wrong_with_a_log_is_said(said, short, tmp_path):
     """With what it is and what it must be; no error of Python's own."""
     path, change = tmp_path / "a.log", WRONG[said]
     rewritten(short, path, lambda *parts: as_header(change(*parts)))
-    with pytest.raises(LogError, match=re.escape(said)):
+    with pytest.raises(LogError, match=re.escape(said)) as caught:
         load_log(path)
+    assert len(str(caught.value)) < 600 + len(str(path))
 
 
 def as_header(changed):

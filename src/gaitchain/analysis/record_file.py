@@ -16,7 +16,14 @@ from safetensors.numpy import load, save
 
 from gaitchain.analysis.column_check import check_sizes
 from gaitchain.analysis.record import SUPPORTS, Limit, WalkRecord, joint_names
-from gaitchain.errors import GaitchainError, RecordError, file_errors, names_apart
+from gaitchain.errors import (
+    MOST_SAID,
+    GaitchainError,
+    RecordError,
+    file_errors,
+    names_apart,
+    short_name,
+)
 from gaitchain.gait.file_kind import other_kind
 from gaitchain.gait.motion import Timing
 from gaitchain.messages import Command, PanelMessage
@@ -116,7 +123,7 @@ def load_record(path: Path) -> WalkRecord:
     arrays, header = _unpack(data, str(path))
     if header.get("schema") != SCHEMA:
         raise RecordError(
-            f"{path}: record schema {header.get('schema')!r}, this version reads "
+            f"{path}: record schema {header.get('schema')!r:.40}, this version reads "
             f"{SCHEMA}; walk again with `gaitchain walk`"
         )
     try:
@@ -127,6 +134,7 @@ def load_record(path: Path) -> WalkRecord:
         _check_facts(facts, columns["time_s"], len(joint_names(robot)))
         return _assemble(columns, facts, robot)
     except (
+        ArithmeticError,
         AttributeError,
         LookupError,
         TypeError,
@@ -134,7 +142,8 @@ def load_record(path: Path) -> WalkRecord:
         GaitchainError,
         msgspec.ValidationError,
     ) as error:
-        raise RecordError(f"{path}: inconsistent: {error}") from None
+        why = short_name(str(error), MOST_SAID)
+        raise RecordError(f"{path}: inconsistent: {why}") from None
 
 
 def _header(record: WalkRecord) -> dict[str, Any]:

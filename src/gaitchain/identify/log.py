@@ -14,7 +14,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from gaitchain.analysis.column_check import check_sizes
-from gaitchain.errors import LogError, file_errors, short_name
+from gaitchain.errors import MOST_SAID, LogError, file_errors, short_name
 from gaitchain.gait.file_kind import other_kind
 from gaitchain.live.exercise import Motion, Support
 from gaitchain.messages import Array
@@ -142,8 +142,9 @@ def load_log(path: Path) -> ExerciseLog:
     try:
         return _checked(_header_of(data), _arrays_of(data))
     except _MALFORMED as error:
+        why = short_name(str(error), MOST_SAID)
         raise LogError(
-            f"{path}: not a log that `gaitchain calibrate --exercise` wrote ({error})"
+            f"{path}: not a log that `gaitchain calibrate --exercise` wrote ({why})"
         ) from None
 
 
@@ -164,7 +165,8 @@ def _header_of(data: bytes) -> _Header:
         raise ValueError(other)
     found = msgspec.convert(header, _Header)
     if (found.kind, found.schema) != (_KIND, _SCHEMA):
-        is_, wanted = f"{found.kind!r}, {found.schema}", f"{_KIND!r}, {_SCHEMA}"
+        is_ = f"{short_name(found.kind)!r}, {found.schema}"
+        wanted = f"{_KIND!r}, {_SCHEMA}"
         raise ValueError(f"its kind and schema are {is_}, must be {wanted}")
     return found
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.errors import names_apart
+from gaitchain.errors import names_apart, short_name
 from gaitchain.robot.box_robot import box_robot
 from gaitchain.robot.identified import identified_from
 from gaitchain.robot.leg_model import legs_from
@@ -88,10 +88,26 @@ def _check_numbers(
             raise ValueError(f"{shown}, must be 0 or more")
 
 
+def _as_float(name: str, given: Any) -> float:
+    """Return a number of JSON; one with too many digits is infinite.
+
+    Raises:
+        ValueError: it is none.
+    """
+    try:
+        return float(given)
+    except OverflowError:
+        return math.inf
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"{short_name(name)} of the robot is {given!r:.80}, must be a number"
+        ) from None
+
+
 def _of_file(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Robot:
     wanted = {f.name for f in fields(ReducedBiped) if f.metadata}
     given = dict(facts["numbers"])
-    numbers: dict[str, Any] = {name: float(number) for name, number in given.items()}
+    numbers: dict[str, Any] = {name: _as_float(name, n) for name, n in given.items()}
     if set(numbers) != wanted:
         raise ValueError(f"numbers of the robot {names_apart(numbers, wanted)}")
     boxes = facts.get("anatomy") is None
