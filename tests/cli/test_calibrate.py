@@ -21,6 +21,7 @@ from gaitchain.backends.dynamixel import (
     load_calibration,
     save_calibration,
 )
+from gaitchain.backends.dynamixel.bus import ServoBus
 from gaitchain.backends.dynamixel.calibration import ImuCalibration, JointCalibration
 from gaitchain.backends.dynamixel.control_table import (
     HIGHEST_POSITION,
@@ -483,6 +484,31 @@ def test_what_differs_is_listed(library, truth, bus, tmp_path, capsys, monkeypat
         assert re.search(rf"{name} .*{wrong}", said), name
     assert "imu (id 200): does not answer" in said
     assert "6 things are wrong" in said
+
+
+@pytest.mark.parametrize("block", ["present", "state", "setup", "supply"])
+def test_a_servo_that_stops_answering_midway_is_a_row_of_its_own(
+    block, library, truth, bus, tmp_path, capsys, monkeypatch
+):
+    """Whatever it was asked last: what it did not say is not told as zero."""
+    monkeypatch.setenv("COLUMNS", "160")
+    file, ended = tmp_path / "robot.toml", truth.joints["left_knee"].id
+    save_calibration(truth, file)
+    asked = ServoBus.read_surely
+
+    def read_surely(own, ids, of):
+        if of is getattr(own.make, block) and ended in ids:
+            bus.kill(ended)
+        return asked(own, ids, of)
+
+    monkeypatch.setattr(ServoBus, "read_surely", read_surely)
+    code, said, _ = check(capsys, library, bus, file)
+    assert code == 1
+    (row,) = (line for line in said.splitlines() if "left_knee" in line)
+    words = f"left_knee {ended} - - -80.0 80.0 - - does not answer"
+    assert re.findall(r"[\w.-]+", row) == words.split()
+    assert said.count("does not answer") == 1
+    assert "1 thing is wrong" in said
 
 
 def imu_on(bus, truth, tmp_path, mounted=IMU, **told):

@@ -4,7 +4,7 @@ The robot must hang upright and still, so that the IMU's signals are known.
 """
 
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,9 +14,9 @@ from gaitchain.backends.dynamixel.calibration import (
     ImuCalibration,
     JointCalibration,
 )
-from gaitchain.backends.dynamixel.guide import angle_of, positions
+from gaitchain.backends.dynamixel.guide import angle_of
 from gaitchain.backends.dynamixel.imu import BusImu
-from gaitchain.backends.dynamixel.make import make_named
+from gaitchain.backends.dynamixel.make import Make, make_named
 from gaitchain.backends.dynamixel.search import opened
 from gaitchain.cli.console import print_table, say
 from gaitchain.commission.imu import READS, implausible
@@ -56,44 +56,63 @@ def compare(
     wrong += feels
     title = f"{calibration.robot} on {port}, as the gait library sees it"
     print_table(title, _HEADS, rows, (0, 2, 8))
-    say(f"{len(wrong)} things are wrong" if wrong else "all as calibrated")
+    say(_in_words(len(wrong)))
     joints = [dict(zip(_KEYS, row, strict=True)) for row in rows]
     return 1 if wrong else 0, {"baud": baud, "joints": joints, "wrong": wrong}
+
+
+def _in_words(wrong: int) -> str:
+    if not wrong:
+        return "all as calibrated"
+    return "1 thing is wrong" if wrong == 1 else f"{wrong} things are wrong"
+
+
+class _Tables(NamedTuple):
+    """What a servo answers to the questions of a comparison."""
+
+    present: bytes
+    state: bytes
+    setup: bytes
+    supply: bytes
+
+
+def _tables(bus: ServoBus, number: int) -> _Tables | None:
+    """Read a servo; None if it stops answering: what is missing is no zero."""
+    make, found = bus.make, []
+    for block in (make.present, make.state, make.setup, make.supply):
+        data = bus.read_surely([number], block).get(number)
+        if data is None:
+            return None
+        found.append(data)
+    return _Tables(*found)
 
 
 def _row(
     bus: ServoBus, name: str, joint: JointCalibration, model: int | None
 ) -> tuple[str, ...]:
     limits = f"{joint.lower:.1f}", f"{joint.upper:.1f}"
-    if model is None:
+    tables = None if model is None else _tables(bus, joint.id)
+    if model is None or tables is None:
         blank = (_MISSING,) * 2
         return (name, f"{joint.id}", *blank, *limits, *blank, "does not answer")
     found = bus.make.models.get(model)
-    angle = angle_of(joint, positions(bus, [joint.id])[joint.id])
-    block = bus.make.supply
-    supply = bus.read_surely([joint.id], block).get(joint.id, bytes(block.size))
-    heat, volts = bus.make.heat(supply)
+    angle = angle_of(joint, bus.make.measured(tables.present)[2])
+    heat, volts = bus.make.heat(tables.supply)
     kind = f"model {model}" if found is None else found.name
     return (
         *(name, f"{joint.id}", kind, f"{angle:.1f}", *limits),
         f"{heat:.0f}",
         f"{volts:.1f}",
-        ", ".join(_wrong(bus, joint, kind, angle)),
+        ", ".join(_wrong(bus.make, tables, joint, kind, angle)),
     )
 
 
 def _wrong(
-    bus: ServoBus, joint: JointCalibration, kind: str, angle: float
+    make: Make, tables: _Tables, joint: JointCalibration, kind: str, angle: float
 ) -> list[str]:
     """Describe what differs from the calibration."""
-    make = bus.make
-    blocks = make.state, make.setup
-    state, setup = (
-        bus.read_surely([joint.id], block).get(joint.id, bytes(block.size))
-        for block in blocks
-    )
-    mode = make.settings(setup).mode
-    found = make.error_words(make.status(state).errors)
+    mode = make.settings(tables.setup).mode
+    found = make.error_words(make.status(tables.state).errors)
     if joint.model and kind != joint.model:
         found.append(f"not a {joint.model}")
     if mode != make.position_mode:
