@@ -4,9 +4,11 @@ import os
 import signal
 import subprocess
 import sys
+from itertools import cycle
 from pathlib import Path
 
 import pytest
+from patience import Deadline
 from servo_bench import RES
 
 from gaitchain.backends.dynamixel import (
@@ -14,6 +16,7 @@ from gaitchain.backends.dynamixel import (
     plain_calibration,
     save_calibration,
 )
+from gaitchain.cli import doctor, run
 
 pytest.importorskip("dynamixel_sdk")
 pytestmark = [
@@ -82,10 +85,27 @@ def let_go_at(end, words, folder, times="once"):
         ) as moving:
             held = moves(moving) and all(s.torque for s in bus.servos.values())
             moving.send_signal(end)
-            moving.stderr.read()
+            if times == "on and on":
+                keep_ending(moving)
+            said = moving.stderr.read()
         assert not any(servo.torque for servo in bus.servos.values())
     assert not held or moving.returncode == 130
+    assert b"Traceback" not in said
+    assert b"Exception ignored" not in said
     return held
+
+
+def keep_ending(process):
+    """Press Ctrl-C and close the terminal, again and again, until it is gone."""
+    deadline = Deadline()
+    for end in cycle((signal.SIGINT, signal.SIGHUP, signal.SIGINT, signal.SIGTERM)):
+        try:
+            process.wait(0.002)
+        except subprocess.TimeoutExpired:
+            assert not deadline.passed()
+            process.send_signal(end)
+        else:
+            return
 
 
 @pytest.mark.parametrize(
@@ -107,3 +127,28 @@ def test_who_ends_it_again_while_it_lets_go_does_not_stop_that(tmp_path):
         let_go_at(signal.SIGHUP, DOCTOR, tmp_path, "twice") for _ in range(ATTEMPTS)
     )
     assert any(ends)
+
+
+@pytest.mark.parametrize("words", [EXERCISE, DOCTOR])
+def test_who_goes_on_pressing_ctrl_c_changes_nothing(words, tmp_path):
+    """Until the process is gone, and not only while it lets go."""
+    ends = (
+        let_go_at(signal.SIGINT, words, tmp_path, "on and on") for _ in range(ATTEMPTS)
+    )
+    assert any(ends)
+
+
+def test_a_process_that_goes_on_hears_ctrl_c_again(monkeypatch):
+    """After a verb that was ended, as in a notebook."""
+
+    def ended(options):
+        for _ in range(3):
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(doctor, "run", ended)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        assert run(["doctor", "res", "--port", "none"]) == 130
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -8,7 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import gaitchain
-from gaitchain.cli.endings import ended_as_by_hand
+from gaitchain.cli.endings import (
+    ended_as_by_hand,
+    handlers_restored,
+    ignore_later_ends,
+)
 from gaitchain.cli.options import verb_of
 from gaitchain.cli.parser import parse
 from gaitchain.cli.streams import say_aside, told_of_lost, written_to
@@ -45,7 +49,9 @@ _BACKENDS = {"mujoco": "sim", "dask": "dask", "ray": "ray"}
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run one verb and exit: 0 done, 1 fell or not passed, 2 bad input, 130 Ctrl-C."""
-    sys.exit(run(sys.argv[1:] if arguments is None else list(arguments)))
+    code = _ended(sys.argv[1:] if arguments is None else list(arguments))
+    ignore_later_ends()
+    sys.exit(code)
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -57,6 +63,12 @@ def run(arguments: Sequence[str]) -> int:
     Returns:
         The exit code.
     """
+    with handlers_restored():
+        return _ended(arguments)
+
+
+def _ended(arguments: Sequence[str]) -> int:
+    """Run one verb and say how it ended, if not well; return the exit code."""
     try:
         with told_of_lost():
             return _run_verb(arguments)
