@@ -71,8 +71,9 @@ def test_it_goes_to_a_place_and_says_how_far_it_is(live):
     assert math.hypot(x - GOAL.x, y - GOAL.y) < 0.05
 
 
-def test_places_on_the_way_are_passed_without_a_stand(live):
-    way = Place(0.3, 0.0), Place(0.6, 0.0)
+@pytest.mark.parametrize("end", [0.6, 0.9])
+def test_places_on_the_way_are_passed_without_a_stand(live, end):
+    way = Place(0.3, 0.0), Place(end, 0.0)
     errand, modes = GoTo("me", way), []
     run(live, 1.0, errand)
     assert live.last.going.places_left == 2
@@ -81,7 +82,7 @@ def test_places_on_the_way_are_passed_without_a_stand(live):
     assert live.last.going.places_left == 1
     walked = modes[modes.index(Mode.WALKING) :]
     assert Mode.STANDING not in walked[:-1]
-    assert live.robot.data.qpos[0] == pytest.approx(0.6, abs=0.05)
+    assert live.robot.data.qpos[0] == pytest.approx(end, abs=0.05)
 
 
 def test_it_makes_footsteps(live):

@@ -433,6 +433,16 @@ def test_only_a_simulated_robot_is_pushed(settings):
         assert here.client.get(f"{API}/library").json()["disturbances"] is None
 
 
+@pytest.mark.parametrize("what", ["command", "steering", "rest", "get-up"])
+def test_nobody_drives_a_log(what):
+    with served(replay="a.mcap") as here:
+        driven = what in ("command", "steering")
+        send = here.client.put if driven else here.client.post
+        refused = send(f"{API}/{what}", **({"json": {}} if driven else {}))
+        assert refused.status_code == 409
+        assert refused.json()["detail"] == "this is a replay of a log: nobody drives it"
+
+
 def test_too_many_requests_are_refused_but_not_the_emergency_stop():
     with served(ApiLimits(requests_per_s=8)) as here:
         answers = [here.client.get(f"{API}/health") for _ in range(30)]

@@ -7,6 +7,7 @@ import queue
 import random
 import socket
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 
@@ -334,6 +335,19 @@ def test_a_client_that_does_not_read_is_hung_up_on_and_delays_nobody():
             health = here.client.get(f"{API}/health").json()
             assert health["dropped_frames"] > 10
             _read_to_the_end(stalled)
+
+
+def test_a_client_that_takes_all_late_is_no_error(caplog):
+    limits = ApiLimits(stalled_s=1.0, requests_per_s=1e6)
+    with served(limits) as here:
+        here.loop.changes["reason"] = "x" * 50_000
+        with _handshaken(here, receive=4096) as late:
+            here.until(lambda: _health(here)["clients"] == 1)
+            here.until(lambda: _health(here)["clients"] == 0)
+            _read_to_the_end(late)  # before it is dropped
+        dropped_s = time.monotonic() + 1.5 * limits.stalled_s
+        here.until(lambda: time.monotonic() > dropped_s)
+    assert not [r for r in caplog.records if r.name == "asyncio"]
 
 
 def test_a_client_that_only_pings_is_hung_up_on_too():

@@ -135,6 +135,23 @@ def test_who_is_refused_hears_why():
         assert answer == (False, "refused: bob drives")
 
 
+class Slow(Deaf):
+    """A loop that refuses once some rows of before have come."""
+
+    def ask(self, request):
+        for _ in range(20):
+            self.say()
+        return super().ask(request)
+
+
+def test_who_is_in_that_mode_already_waits_for_a_refusal():
+    link = Kept()
+    loop = Slow(link, Mode.STANDING)
+    loop.say()
+    answer = threaded(link.services["/gaitchain/start"], loop, Mode.STANDING)
+    assert answer == (False, "refused: bob drives")
+
+
 def test_a_refusal_of_before_is_no_answer():
     link = Kept()
     loop = Loop(link, Mode.RISING)

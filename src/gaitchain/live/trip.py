@@ -15,6 +15,7 @@ if TYPE_CHECKING:  # which needs machine code, the checks here do not
 
 MOST_PLACES = 1000
 """Places of one errand: it is compared whenever it is repeated."""
+_STOPS = 0.7  # of that; a walker stops where that brings it to within half of it
 _PASSED = 0.3  # of the leg: who comes so near to a place on the way goes on to the next
 
 
@@ -26,6 +27,7 @@ class Trip:
         self._walker = walker
         leg = walker.library.robot.reduced.leg_length
         self._passed, self._there = Near(_PASSED * leg, math.pi), near_of(leg)
+        self._stops = Near(_STOPS * _PASSED * leg, math.pi)
         self._errand: Errand | None = None
         self._places = deque[Place]()  # still to come, the next one first
         self._after = deque[float]()  # from each of them to the last one [m]
@@ -89,7 +91,10 @@ class Trip:
             self._go(errand.crouch)
 
     def _is_near(self, here: Place) -> bool:
-        return self._passed.holds(self._places[0].seen_from(here))
+        """Whether it is there, or would soon be told to stop there."""
+        goal, stop = self._places[0], self._walker.stop_place or here
+        stops = self._stops.holds(goal.seen_from(stop))
+        return stops or self._passed.holds(goal.seen_from(here))
 
     def _go(self, crouch: float) -> None:
         on_the_way = self._passed if len(self._places) > 1 else None

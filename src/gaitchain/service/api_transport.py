@@ -233,6 +233,15 @@ class _BoundedSocket(WebSocketsSansIOProtocol):
         super().connection_made(transport)
         self.since_s = self.loop.time()
         self._frames = Allowance(self.limits.frames_per_s)
+        self._drop: asyncio.TimerHandle | None = None
+        self._lost = False
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Drop nothing more: a transport that is gone cannot be aborted."""
+        self._lost = True
+        if self._drop is not None:
+            self._drop.cancel()
+        super().connection_lost(exc)
 
     @property
     def is_open(self) -> bool:
@@ -294,7 +303,9 @@ class _BoundedSocket(WebSocketsSansIOProtocol):
     def on_task_complete(self, task: asyncio.Task[None]) -> None:
         """Drop what is still unsent a while after the app has done with the client."""
         super().on_task_complete(task)
-        self.loop.call_later(self.limits.stalled_s, self.transport.abort)
+        if not self._lost:
+            wait_s, abort = self.limits.stalled_s, self.transport.abort
+            self._drop = self.loop.call_later(wait_s, abort)
 
 
 def _is_text(data: bytes) -> bool:

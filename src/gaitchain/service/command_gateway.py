@@ -53,6 +53,7 @@ _ACTS: dict[str, _Act] = {
 }
 ANYBODY = ("stop", "emergency_stop", "let_go")
 """What leaves the wheel with whoever has it."""
+_OF_ROBOTS = ("rest", "get_up")  # of which a log's player has nothing
 ALWAYS_SENT = ("stop", "emergency_stop")
 """What is harmless however late it comes, so nothing may keep it back."""
 
@@ -101,8 +102,8 @@ class CommandGateway:
         """Ask for a motion.
 
         Raises:
-            RefusedError: the library does not walk so, another one drives, or the loop
-                is silent.
+            RefusedError: the library does not walk so, another one drives, a log is
+                played, or the loop is silent.
         """
         command = Command(motion.vx, motion.vy, motion.yaw_rate, motion.crouch)
         try:
@@ -115,7 +116,7 @@ class CommandGateway:
         """Ask for the motion that parts of the library's range make.
 
         Raises:
-            RefusedError: another one drives, or the loop is silent.
+            RefusedError: another one drives, a log is played, or the loop is silent.
         """
         parts = steering.ahead, steering.left, steering.turn
         self._ask(driver, self._span.steer(parts, steering.most, steering.crouch))
@@ -196,6 +197,8 @@ class CommandGateway:
         Raises:
             RefusedError: another one drives, or the loop is silent.
         """
+        if what in _OF_ROBOTS:
+            self._check_driven()
         if what not in ALWAYS_SENT:
             self._check_wheel(driver, anybody=what in ANYBODY)
         self._send(_ACTS[what](driver))
@@ -258,8 +261,14 @@ class CommandGateway:
         return limits
 
     def _ask(self, driver: str, command: Command) -> None:
+        self._check_driven()
         self._check_wheel(driver)
         self._send(Drive(driver, *command.motion, command.crouch))
+
+    def _check_driven(self) -> None:
+        """Refuse to drive a log."""
+        if self._replays:
+            raise RefusedError(409, "this is a replay of a log: nobody drives it")
 
     def _check_wheel(self, driver: str, *, anybody: bool = False) -> Telemetry:
         telemetry = self._feed.latest

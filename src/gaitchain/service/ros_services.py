@@ -5,6 +5,7 @@ mode that was asked for, not when the request was sent, and fails with the reaso
 the loop refuses it.
 """
 
+import math
 import threading
 from collections.abc import Callable
 
@@ -25,6 +26,8 @@ from gaitchain.live.messages import (
 
 WAIT_S = 3.0
 """Within this time the mode has to change [s]."""
+_HEARD_S = 0.5  # within which the loop has read a request, on a busy computer too
+_UNHEARD = 2  # rows on their way while a request is
 _ALL = frozenset(Mode)
 _UP = frozenset({Mode.RISING, Mode.STANDING, Mode.WALKING})
 _Kind = type[Start | Stop | Rest | Reset | GetUp | EmergencyStop]
@@ -85,8 +88,7 @@ class RosServices:
         if not self._ask(kind(self._driver)):
             return TriggerResponse(False, "the control loop takes no requests")
         with self._news:
-            # The rows on their way were built before the request.
-            since = self._rows + 2
+            since = self._rows + self._on_their_way(wanted)
             done = self._news.wait_for(
                 lambda: self._why_not(name, before) or self._is(wanted, since), WAIT_S
             )
@@ -100,6 +102,17 @@ class RosServices:
             return TriggerResponse(True, told)
         within = f"not carried out within {WAIT_S:g} s; the robot is {told}"
         return TriggerResponse(False, within)
+
+    def _on_their_way(self, wanted: frozenset[Mode]) -> int:
+        """Return how many rows may come that were built before a request was heard.
+
+        Where the robot is in such a mode already, only time tells that nothing refuses
+        the request.
+        """
+        latest = self._latest
+        if latest is None or latest.mode not in wanted:
+            return _UNHEARD
+        return max(_UNHEARD, math.ceil(_HEARD_S / latest.pace.period_s))
 
     def _is(self, wanted: frozenset[Mode], since: int) -> bool:
         """Return whether the robot is in one of the modes, by a row after that one."""
