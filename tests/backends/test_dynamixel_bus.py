@@ -192,7 +192,10 @@ def test_a_bus_is_searched_at_the_usual_rates(emulator):
     assert not bus.is_open
     emulator.cut()
     with (
-        pytest.raises(BackendError, match="nobody answers at 9600, 57600 bit/s"),
+        pytest.raises(
+            BackendError,
+            match=r"nobody answers at 9600, 57600 bit/s; .* make \(--make\)",
+        ),
         opened(emulator.port, [9600, 57_600], [1]),
     ):
         pass

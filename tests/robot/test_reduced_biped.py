@@ -89,6 +89,8 @@ def test_unknown_key_gets_a_suggestion():
     table = res_table()
     table["zzz"] = 1.0
     assert refused(table) == "robot.toml: unknown key zzz"
+    of_servos = {"robot": "RES", "fingerprint": "d", "joints": {}}
+    assert refused(of_servos).endswith("; this is a calibration of servos, no robot")
 
 
 def test_unknown_key_within_an_entry():

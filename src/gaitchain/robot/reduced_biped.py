@@ -13,6 +13,7 @@ import numpy as np
 from gaitchain.errors import RobotFileError
 
 _DEGREE = math.pi / 180.0
+_OF_CALIBRATIONS = {"fingerprint", "joints"}  # keys of a file of that kind
 _LONGEST_NAME = 1000
 _MISTAKEN = {"m": ("lengths", "mm"), "kg": ("masses", "g")}
 
@@ -183,6 +184,8 @@ def _refuse_unknown(table: Mapping[str, Any], known: set[str], origin: str) -> N
         if key not in known:
             near = difflib.get_close_matches(key, known, n=1)
             hint = f"; did you mean {near[0]}?" if near else ""
+            if table.keys() >= _OF_CALIBRATIONS:
+                hint = "; this is a calibration of servos, no robot"
             raise RobotFileError(f"{origin}: unknown key {key}{hint}")
 
 

@@ -49,8 +49,8 @@ def opened(
             bus.close()
     rates = ", ".join(map(str, bauds))
     raise BackendError(
-        f"{port}: nobody answers at {rates} bit/s; check the servos' supply, the cable "
-        "and the rate (--baud)"
+        f"{port}: nobody answers at {rates} bit/s; check the servos' supply, the "
+        f"cable, the rate (--baud), and the make (--make), which is {make.name} here"
     )
 
 
