@@ -233,6 +233,58 @@ def test_limits_found_by_hand_in_the_standing_pose(library, truth, bus, tmp_path
     assert not any(servo.torque_seen for servo in bus.servos.values())
 
 
+def stretched(person, line):
+    """Move each joint as asked, and stretch both legs; return what is typed."""
+    step = re.match(r"\[\d+ of 12\] (\w+): ", line)
+    if step is not None:
+        person.move(step[1], 25.0)
+    elif "Stretch both legs" in line:
+        for name in person.truth.joints:
+            person.put(name, 0.0)
+    elif "Hang the robot up" not in line:
+        return None
+    return ""
+
+
+def of_feetech(truth):
+    """The same mounting, of STS servos."""
+    joints = {n: TURN(j, model="sts3215") for n, j in truth.joints.items()}
+    return TURN(truth, make="feetech", joints=joints)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        ({}, "they are of dynamixel servos"),
+        ({"make": "feetech"}, None),
+        ({"make": "feetech", "fingerprint": "0" * 16}, "they are of another robot"),
+    ],
+)
+def test_what_was_set_for_others_is_not_kept(changed, why, library, truth, tmp_path):
+    """The torque limit of another make is another register."""
+    pytest.importorskip("scservo_sdk")
+    out, sts = tmp_path / "robot.toml", of_feetech(truth)
+    earlier = sts if changed else truth
+    save_calibration(TURN(earlier, imu=IMU, **changed), out)
+    words = (library, "--make", "feetech", "--ids", IDS, "--baud", "1000000", "-o", out)
+    with ServoBusEmulator.like(sts, STAND, clock=Clock()) as bus:
+        person = Person(bus, sts, *words, "--port", bus.port)
+        code = person.answer(lambda line: stretched(person, line))
+    talk = "\n".join(person.talk)
+    assert code == 0, talk
+    found = load_calibration(out, RES)
+    as_mounted(found, sts)
+    kept = {joint.pwm_limit for joint in found.joints.values()}, found.imu
+    assert kept == (({40.0}, None) if why else ({100.0}, IMU))
+    if why:
+        told = re.findall(r".* not kept: .*", talk)
+        assert len(told) == 1
+        assert "pwm_limit and its table [imu]" in told[0]
+        assert why in told[0]
+        assert "pwm_limit is 40 %" in talk
+
+
 def test_a_file_that_cannot_be_read_is_not_overwritten(
     library, truth, bus, tmp_path, capsys, monkeypatch
 ):

@@ -37,6 +37,7 @@ from gaitchain.backends.dynamixel.guide import (
 from gaitchain.backends.dynamixel.make import make_named
 from gaitchain.backends.dynamixel.search import opened, parse_ids
 from gaitchain.backends.dynamixel.servos import ServoSetup, let_go, servo_setup
+from gaitchain.backends.makes import MakeName
 from gaitchain.cli.calibration_check import compare
 from gaitchain.cli.console import check_writable, print_table, say
 from gaitchain.cli.exercise import run_exercise
@@ -114,7 +115,7 @@ def _check_unused(options: Calibrate) -> None:
 
 def _calibrate(options: Calibrate, port: str, robot: Robot, out: Path) -> Calibration:
     """Guide a person through the calibration; keep what the file before it says."""
-    answers, earlier = Answers(sys.stdin), _earlier(out)
+    answers, earlier = Answers(sys.stdin), _earlier(out, options.make, robot)
     pose = _pose(robot.legs, options.pose)
     bauds = None if options.baud is None else (options.baud,)
     ids = None if options.ids is None else parse_ids(options.ids)
@@ -276,8 +277,10 @@ def _pose(legs: LegModel, named: Literal["straight", "standing"]) -> dict[str, f
     return dict.fromkeys(legs.joint_names, 0.0)
 
 
-def _earlier(out: Path) -> Calibration | None:
-    """Return the calibration that the new one replaces, if there is one.
+def _earlier(out: Path, make: MakeName, robot: Robot) -> Calibration | None:
+    """Return the calibration that the new one replaces; None if it is of others.
+
+    A torque limit means another register, and another torque, on another make or robot.
 
     Raises:
         CalibrationError: what it holds cannot be read, and would be lost.
@@ -285,12 +288,21 @@ def _earlier(out: Path) -> Calibration | None:
     if not out.exists():
         return None
     try:
-        return load_calibration(out)
+        earlier = load_calibration(out)
     except CalibrationError as error:
         raise CalibrationError(
             f"{error}; a new calibration keeps its pwm_limit and [imu], so mend it, "
             "remove it, or write to another file"
         ) from None
+    if earlier.fingerprint != robot.fingerprint:
+        others = f"another robot, {earlier.robot!r:.60}, or an older file of it"
+    elif earlier.make != make:
+        others = f"{earlier.make} servos"
+    else:
+        return earlier
+    imu = " and its table [imu]" if earlier.imu else ""
+    say(f"{out}: its values of pwm_limit{imu} are not kept: they are of {others}")
+    return None
 
 
 def _bounded(
