@@ -645,15 +645,48 @@ def test_no_output_takes_the_place_of_another_file(
             ("trial", "res", "--runs", "1", "--json", "p.toml"),
             "p.toml: a robot's TOML file; name another file for the results",
         ),
+        (
+            ("calibrate", "res", "--preview", "mine.gait"),
+            "mine.gait: a gait library; name another file for the page",
+        ),
+        (
+            ("calibrate", "res", "--preview", "p.toml"),
+            "p.toml: a robot's TOML file; name another file for the page",
+        ),
+        (
+            ("get-up", "res", "toy.xml", "-o", "a.getup", "--replay", "mine.gait"),
+            "mine.gait: a gait library; name another file for the page",
+        ),
+        (
+            ("get-up", "res", "toy.xml", "-o", "mine.gait"),
+            "mine.gait: a gait library; name another file for the ways up",
+        ),
+        (
+            ("build", "res", "-o", "p.toml"),
+            "p.toml: a robot's TOML file; name another file for the library",
+        ),
+        (
+            ("qualify", "res", "-o", "p.toml"),
+            "p.toml: a robot's TOML file; name another file for the library",
+        ),
+        (
+            ("push", "res", "-o", "mine.png"),
+            "mine.png: a gait library; name another file for the picture",
+        ),
+        (
+            ("export", "res", "--to", "npz", "-o", "mine.npz"),
+            "mine.npz: a gait library; name another file for the motions",
+        ),
     ],
     ids=lambda words: words if isinstance(words, str) else " ".join(words),
 )
-def test_a_library_or_a_profile_is_not_replaced_by_a_log_or_results(
+def test_a_library_or_a_profile_is_not_replaced_by_anything_else(
     words, said, tmp_path, capsys, monkeypatch
 ):
     """It was, without a word; there may be no other copy."""
     monkeypatch.chdir(tmp_path)
-    shutil.copy(resources.files("gaitchain") / "data" / "res.gait", "mine.gait")
+    for name in ("mine.gait", "mine.png", "mine.npz"):
+        shutil.copy(resources.files("gaitchain") / "data" / "res.gait", name)
     Path("p.toml").write_text("[stand]\n", "utf-8")
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     code, _, err = call(capsys, *words)

@@ -396,6 +396,10 @@ def test_no_file_is_written_over_another_of_the_command(swung, tmp_path, capsys)
     words = ["calibrate", "res", "--robot-hidden", "1", "--exercise", out]
     assert run([*words, "--preview", out]) == 2
     assert "b.gait: named twice" in capsys.readouterr().err
+    assert run(["identify", "res", str(path), "-o", str(copy)]) == 2
+    said = "the log of an exercise; name another file for the library"
+    assert said in capsys.readouterr().err
+    assert copy.read_bytes() == before
     assert path.read_bytes() == before
 
 

@@ -15,6 +15,7 @@ from gaitchain.build.workers import available_cores
 from gaitchain.cli.cluster import check_address, on_backend
 from gaitchain.cli.console import (
     check_files,
+    check_replaced,
     check_writable,
     print_table,
     progress,
@@ -55,6 +56,7 @@ def run(options: Build) -> tuple[int, dict[str, Any]]:
         robot = identified_robot(config, identified)
         read = robot_file(config.robot), options.profile, identified
         check_files([options.output], read)
+        check_replaced(options.output, "the library", "a gait library")
         library, report, elapsed_s = _build(config, options.output, workers, robot)
     if not library.qualified:
         say("not qualified: this library will be refused; see the table above")

@@ -295,9 +295,11 @@ def check_picture(path: Path) -> None:
     """Check the same of a picture, and that its name says what it will be.
 
     Raises:
-        CommandError: the file cannot be written, or is not named as a PNG.
+        CommandError: the file cannot be written, is not named as a PNG, or is there and
+            no picture.
     """
     check_writable(path)
+    check_replaced(path, "the picture")
     if path.suffix.lower() != _PICTURE:
         raise CommandError(f"{path}: pictures are PNG; name it {path.stem}{_PICTURE}")
 

@@ -56,6 +56,7 @@ def run_exercise(options: Calibrate) -> tuple[int, dict[str, Any]]:
     written = options.exercise, options.preview, options.report.json
     check_files(written, [Path(options.library), options.calibration])
     check_replaced(options.exercise, "the log", "the log of an exercise")
+    check_replaced(options.preview, "the page")
     if options.preview is not None:  # before any motor moves
         result["preview"] = _draw(library, options.preview)
     if options.exercise is not None:

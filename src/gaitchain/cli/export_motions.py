@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gaitchain.cli.console import (
+    check_replaced,
     check_writable,
     make_folder,
     print_table,
@@ -86,6 +87,7 @@ def _place(options: Export, suffix: str) -> Path:
         raise CommandError(f"{to}: --to {options.to} writes a file, name it *{suffix}")
     make_folder(to.parent)
     check_writable(to)
+    check_replaced(to, "the motions")
     return to
 
 

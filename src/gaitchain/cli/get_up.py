@@ -14,6 +14,7 @@ from gaitchain.build.own_model import model_digest, own_model
 from gaitchain.build.workers import available_cores
 from gaitchain.cli.console import (
     check_files,
+    check_replaced,
     file_of,
     print_table,
     progress,
@@ -39,6 +40,8 @@ def run(options: Options) -> tuple[int, dict[str, Any]]:
     """Search and try; the exit code is 1 if it stays down too often."""
     written = options.output, options.replay
     check_files(written, [Path(options.library), options.model])
+    check_replaced(options.output, "the ways up")
+    check_replaced(options.replay, "the page")
     subject = Subject(options.model, read_library(options.library))
     journal = None if options.ways else _begun(options, subject)
     with nullcontext() if journal is None else _kept(journal):

@@ -13,6 +13,7 @@ from gaitchain.build.workers import Crew, available_cores
 from gaitchain.cli.console import (
     check_files,
     check_picture,
+    check_replaced,
     print_table,
     progress,
     resumable,
@@ -58,6 +59,7 @@ def run(options: Identify) -> tuple[int, dict[str, Any]]:
     logs = _logs(options.logs)
     written = options.output, options.picture, options.report.json
     check_files(written, [Path(options.library), *options.logs])
+    check_replaced(options.output, "the library", "a gait library")
     if options.picture is not None:
         check_picture(options.picture)
     _check(library.robot, options.logs, logs)  # before a journal is begun

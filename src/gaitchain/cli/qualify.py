@@ -16,6 +16,7 @@ from gaitchain.cli.cluster import check_address, on_backend
 from gaitchain.cli.console import (
     check_files,
     check_picture,
+    check_replaced,
     print_table,
     progress,
     resumable,
@@ -65,6 +66,7 @@ def run(options: Qualify) -> tuple[int, dict[str, Any]]:
             f"file {what} with -o"
         )
     check_files([out, options.map], [])
+    check_replaced(options.output, "the library", "a gait library")
     if options.map is not None:
         check_picture(options.map)
     if options.bound is not None:
