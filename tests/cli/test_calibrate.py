@@ -25,6 +25,7 @@ from gaitchain.backends.dynamixel.bus import ServoBus
 from gaitchain.backends.dynamixel.calibration import ImuCalibration, JointCalibration
 from gaitchain.backends.dynamixel.control_table import (
     HIGHEST_POSITION,
+    LOWEST_POSITION,
     MODELS,
     OPERATING_MODE,
     Block,
@@ -210,7 +211,10 @@ def test_limits_found_by_hand_in_the_standing_pose(library, truth, bus, tmp_path
                 person.put(name, angle)
         elif ends is not None:
             told.append(ends[1])
-            if told.count("left_knee") != 1 or ends[1] != "left_knee":
+            often = told.count(ends[1])
+            if (ends[1], often) == ("right_knee", 1):  # not as far as it stands
+                sweep(bus, person, ends[1], [0.0, -45.0, 0.0, 40.0, 10.0])
+            elif (ends[1], often) != ("left_knee", 1):
                 sweep(bus, person, ends[1], [0.0, -45.0, 0.0, 70.0, 10.0])
         elif "Hang the robot up" not in line:
             return None
@@ -222,6 +226,8 @@ def test_limits_found_by_hand_in_the_standing_pose(library, truth, bus, tmp_path
     assert "its table [imu] is kept" in talk
     assert "its values of pwm_limit are kept" in talk
     assert re.search(r"it was moved from 63\.\d to 63\.\d deg only", talk)
+    assert re.search(r"it stands at 63\.\d deg and was moved from .* past where", talk)
+    assert told.count("right_knee") == 2
     assert "left_hip_yaw: limits -80.0 to 80.0 deg narrowed to -80.0 to 60.9" in talk
     found = load_calibration(out, RES)
     as_mounted(found, truth)
@@ -231,6 +237,31 @@ def test_limits_found_by_hand_in_the_standing_pose(library, truth, bus, tmp_path
         high = 60.9 if name == "left_hip_yaw" else 69.0
         assert (joint.lower, joint.upper) == pytest.approx((-44.0, high), abs=0.2)
     assert not any(servo.torque_seen for servo in bus.servos.values())
+
+
+@pytest.mark.slow
+def test_a_servo_that_does_not_reach_the_stand_is_told_before_limits(
+    library, truth, bus, tmp_path
+):
+    """Before a person moves twelve joints to their ends in vain."""
+    out = tmp_path / "robot.toml"
+    words = (library, "--port", bus.port, "-o", out, "--ids", IDS, "--baud", "1000000")
+    bus.servos[truth.joints["left_knee"].id].put(LOWEST_POSITION, 1500)
+    person = Person(bus, truth, *words, "--limits")
+
+    def act(line):
+        if "move it slowly" in line:
+            person.program.stdin.close()
+            return None
+        return stretched(person, line)
+
+    code = person.answer(act)
+    talk = "\n".join(person.talk)
+    assert code == 2, talk
+    assert re.search(r"left_knee stands at 63\.\d deg, outside -80\.0 to 33\.1", talk)
+    assert "turn the horn of id 11" in talk
+    assert "move it slowly" not in talk
+    assert not out.exists()
 
 
 def stretched(person, line):
@@ -655,9 +686,16 @@ def test_limits_are_narrowed_to_what_the_servo_can_do():
 
 
 def test_limits_seen_keep_off_the_stops():
-    assert seen_limits([0.0, -50.0, 30.0], (-80.0, 25.0)) == (-49.0, 25.0)
+    assert seen_limits([0.0, -50.0, 30.0], (-80.0, 25.0), 20.0) == (-49.0, 25.0)
     with pytest.raises(CommandError, match="to both of its ends"):
-        seen_limits([1.0, 2.0], (-80.0, 80.0))
+        seen_limits([1.0, 2.0], (-80.0, 80.0), 1.5)
+
+
+@pytest.mark.parametrize("stand", [-49.5, 29.5])
+def test_limits_seen_include_the_stand(stand):
+    with pytest.raises(CommandError, match="at least 1 deg past where it stands"):
+        seen_limits([0.0, -50.0, 30.0], (-80.0, 80.0), stand)
+    assert seen_limits([-51.0, 31.0], (-80.0, 80.0), stand) == (-50.0, 30.0)
 
 
 def test_an_angle_is_given_within_a_turn_of_the_limits():

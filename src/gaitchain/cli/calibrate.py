@@ -71,7 +71,6 @@ def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
         raise CommandError("--limits needs Linux or macOS; edit the file's limits")
     calibration = _calibrate(options, port, robot, out)
     check_calibration(calibration, str(out))
-    _check_stand(calibration, robot.legs)
     save_calibration(calibration, out)
     words = f"{options.library} --port {port} --check {out}"
     say(f"{out}: written. Next: gaitchain calibrate {words}")
@@ -167,7 +166,11 @@ class _Guided:
             for i, name in enumerate(names, start=1)
         }
         joints = self._zero(mounted, pose, named)
-        return {n: self._range(n, j) for n, j in joints.items()} if limits else joints
+        stand = dict(zip(names, np.degrees(self.legs.stand).tolist(), strict=True))
+        _check_stand(joints, stand)  # before a person moves all of them to their ends
+        if not limits:
+            return joints
+        return {n: self._range(n, joint, stand[n]) for n, joint in joints.items()}
 
     def _show(self) -> None:
         at = positions(self.bus, list(self.servos))
@@ -226,8 +229,16 @@ class _Guided:
             joints[name] = joint
         return joints
 
-    def _range(self, name: str, joint: JointCalibration) -> JointCalibration:
-        """Narrow a joint's limits to the range through which the person moves it."""
+    def _range(
+        self, name: str, joint: JointCalibration, stand: float
+    ) -> JointCalibration:
+        """Narrow a joint's limits to the range through which the person moves it.
+
+        Args:
+            name: of the joint.
+            joint: its calibration, with the limits of the robot's file.
+            stand: its angle as the robot stands, which stays in the range [deg].
+        """
         while True:
             angles: list[float] = []
             self.answers.choose(
@@ -235,14 +246,12 @@ class _Guided:
                 meanwhile=partial(self._note_angle, joint, angles),
             )
             try:
-                low, high = seen_limits(angles, (joint.lower, joint.upper))
+                low, high = seen_limits(angles, (joint.lower, joint.upper), stand)
             except CommandError as error:
                 say(f"  {error}: once more")
                 continue
             say(f"  {low:.1f} to {high:.1f} deg")
-            return msgspec.structs.replace(
-                joint, lower=round(low, 3), upper=round(high, 3)
-            )
+            return msgspec.structs.replace(joint, lower=low, upper=high)
 
     def _note_angle(self, joint: JointCalibration, angles: list[float]) -> None:
         angles.append(angle_of(joint, positions(self.bus, [joint.id])[joint.id]))
@@ -327,9 +336,10 @@ def _kept_imu(earlier: Calibration | None, out: Path) -> ImuCalibration | None:
     return imu
 
 
-def _check_stand(calibration: Calibration, legs: LegModel) -> None:
-    for name, angle in zip(legs.joint_names, np.degrees(legs.stand), strict=True):
-        joint = calibration.joints[name]
+def _check_stand(joints: dict[str, JointCalibration], stand: dict[str, float]) -> None:
+    """Check that the servos reach the standing pose [deg]."""
+    for name, angle in stand.items():
+        joint = joints[name]
         if not joint.lower <= angle <= joint.upper:
             raise CalibrationError(
                 f"{name} stands at {angle:.1f} deg, outside {joint.lower:.1f} to "

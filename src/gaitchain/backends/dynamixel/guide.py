@@ -152,22 +152,29 @@ def angle_of(joint: JointCalibration, counts: int) -> float:
 
 
 def seen_limits(
-    angles: list[float], limits: tuple[float, float]
+    angles: list[float], limits: tuple[float, float], stand: float
 ) -> tuple[float, float]:
     """Return the limits of a joint that a person has moved to both ends [deg].
 
     Args:
         angles: joint angles during the motion [deg].
-        limits: limits within which the result stays [deg].
+        limits: limits within which the result stays, and `stand` is [deg].
+        stand: angle of the joint as the robot stands [deg].
 
     Raises:
-        CommandError: the joint was hardly moved.
+        CommandError: the joint was hardly moved, or not past `stand`.
     """
-    low = max(limits[0], min(angles) + _INSIDE_DEG)
-    high = min(limits[1], max(angles) - _INSIDE_DEG)
+    low = round(max(limits[0], min(angles) + _INSIDE_DEG), 3)
+    high = round(min(limits[1], max(angles) - _INSIDE_DEG), 3)
     if high - low < LEAST_MOVE_DEG:
         raise CommandError(
             f"it was moved from {min(angles):.1f} to {max(angles):.1f} deg only; move "
             "it to both of its ends"
+        )
+    if not low <= stand <= high:
+        raise CommandError(
+            f"it stands at {stand:.1f} deg and was moved from {min(angles):.1f} to "
+            f"{max(angles):.1f}; move it at least {_INSIDE_DEG:g} deg past where it "
+            "stands"
         )
     return low, high
