@@ -72,8 +72,9 @@ def test_a_file_comes_and_goes(tmp_path):
 @pytest.mark.parametrize(
     ("line", "instead", "said"),
     [
-        ("id = 1\n", "id = 300\n", "left_hip_yaw.id = 300: .*allowed: 0 to 252"),
-        ("id = 1\n", "id = true\n", "left_hip_yaw.id = True: .*allowed: 0 to 252"),
+        ("id = 1\n", "id = 300\n", "left_hip_yaw.id = 300: .*allowed .*: 0 to 252"),
+        ("id = 1\n", "id = -1\n", "left_hip_yaw.id = -1: .*allowed .*: 0 to 252"),
+        ("id = 1\n", "id = true\n", "left_hip_yaw.id = True: expected int"),
         ("id = 1\n", "id = 2\n", "id = 2 is that of left_hip_yaw, left_hip_roll"),
         ("id = 1\n", "", "left_hip_yaw: missing: id"),
         ("sign = 1\n", "sign = 0\n", "left_hip_yaw.sign = 0: .*allowed: 1, -1"),
@@ -107,6 +108,7 @@ def test_a_bad_value_is_named(line, instead, said):
     ("line", "instead", "said"),
     [
         ("id = 200", "id = 1", "id = 1 is that of left_hip_yaw, imu"),
+        ("id = 200", "id = 253", "imu.id = 253: .*allowed .*: 0 to 252"),
         ("gyro_scale = 0.001", "gyro_scale = 0", "gyro_scale = 0: .*0.0 to 1000"),
         ("gyro = 38", "gyro = 42", "imu.accelerometer = 44: overlaps gyro = 42"),
         ("gyro = 38", 'axes = ["x", "y", "-z"]\ngyro = 38', "no right-handed set"),

@@ -16,7 +16,7 @@ from gaitchain.backends.dynamixel.calibration_file import (
     parse_calibration,
 )
 from gaitchain.backends.dynamixel.make import make_named
-from gaitchain.backends.dynamixel.search import opened
+from gaitchain.backends.dynamixel.search import opened, parse_ids
 from gaitchain.backends.feetech import control_table as table
 from gaitchain.backends.feetech.emulator import (
     EmulatedSts,
@@ -24,7 +24,7 @@ from gaitchain.backends.feetech.emulator import (
     StsReader,
     encode,
 )
-from gaitchain.errors import BackendError, CalibrationError
+from gaitchain.errors import BackendError, CalibrationError, CommandError
 from gaitchain.robot.box_robot import load_box_robot
 
 sdk = pytest.importorskip("scservo_sdk")
@@ -252,6 +252,24 @@ def test_the_file_says_which_make():
         parse_calibration(mixed)
     with pytest.raises(CalibrationError, match="allowed"):
         parse_calibration(text.replace('"feetech"', '"futaba"'))
+
+
+def test_the_highest_id_that_is_found_can_be_written():
+    calibration = robot_of(2)
+    joints = calibration.joints
+    last = TURN(calibration, joints=joints | {"b": TURN(joints["b"], id=253)})
+    with (
+        ServoBusEmulator.like(last, clock=Clock()) as emulated,
+        opened(emulated.port, [1_000_000], None, MAKE) as (_, _, models),
+    ):
+        assert list(models) == [1, 253]
+    assert parse_calibration(calibration_text(last)) == last
+    assert parse_ids("252-253", MAKE) == [252, 253]
+    beyond = calibration_text(last).replace("id = 253", "id = 254")
+    with pytest.raises(CalibrationError, match=r"b\.id = 254: .* feetech .* 0 to 253"):
+        parse_calibration(beyond)
+    with pytest.raises(CommandError, match="ids from 0 to 253"):
+        parse_ids("254", MAKE)
 
 
 def test_res_stands_on_emulated_sts_servos():

@@ -117,8 +117,9 @@ def _calibrate(options: Calibrate, port: str, robot: Robot, out: Path) -> Calibr
     answers, earlier = Answers(sys.stdin), _earlier(out, options.make, robot)
     pose = _pose(robot.legs, options.pose)
     bauds = None if options.baud is None else (options.baud,)
-    ids = None if options.ids is None else parse_ids(options.ids)
-    with opened(port, bauds, ids, make_named(options.make)) as (bus, baud, models):
+    make = make_named(options.make)
+    ids = None if options.ids is None else parse_ids(options.ids, make)
+    with opened(port, bauds, ids, make) as (bus, baud, models):
         guided = _Guided(bus, answers, robot.legs, _servos(bus, models))
         joints = guided.calibrate(pose, options.pose, limits=options.limits)
         return Calibration(

@@ -17,7 +17,6 @@ TURN_S = 1e-3
 """From the end of a request to an answer's first byte at the program, and back [s]. The
 least setting of an FTDI adapter's latency timer (FTDI, AN232B-04), which other adapters
 with frames of USB full speed, 1 ms, do not beat. An assumption, until measured."""
-_MOST_SERVOS = 253
 LEAST_HZ = 20
 """Least rate of control periods that `serve` takes, `cli.options.Serve.rate` [Hz]."""
 
@@ -95,7 +94,7 @@ class BusLoad:
         """Return how many servos fit in `SHARE` of a control period [s]."""
         fitting = (
             count
-            for count in range(_MOST_SERVOS, 0, -1)
+            for count in range(self.make.wire.last_id + 1, 0, -1)
             if replace(self, servos=count).period_s <= SHARE * period_s
         )
         return next(fitting, 0)

@@ -8,7 +8,6 @@ from typing import Annotated, Any, Literal
 import msgspec
 import numpy as np
 
-from gaitchain.backends.dynamixel.control_table import LAST_ID
 from gaitchain.backends.dynamixel.make import make_named
 from gaitchain.backends.makes import LEAST_BAUD, MOST_BAUD, MakeName
 from gaitchain.errors import CalibrationError
@@ -22,7 +21,6 @@ MOST_PWM = 100.0
 """No limit of the torque [% of the supply voltage]."""
 _ROUNDING_DEG = 1e-6
 _SHOWN = 3  # number of names that a message gives as examples
-_Id = Annotated[int, msgspec.Meta(ge=0, le=LAST_ID)]
 _Address = Annotated[int, msgspec.Meta(ge=0, le=1000)]
 _Scale = Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)]
 _Angle = Annotated[float, msgspec.Meta(ge=-TURN_DEG, le=TURN_DEG)]
@@ -33,7 +31,8 @@ _NUMBER_BYTES = {"int16": 2, "float32": 4}
 class JointCalibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The servo of one joint."""
 
-    id: _Id
+    id: int
+    """From 0 to the make's highest id, as `check_calibration` checks."""
     sign: Literal[1, -1]
     """1 if servo and joint have the same positive direction."""
     offset: Annotated[float, msgspec.Meta(ge=-TURN_DEG, le=2.0 * TURN_DEG)]
@@ -57,7 +56,7 @@ class JointCalibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class ImuCalibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """An IMU on the servos' bus, such as that of an OpenCR board."""
 
-    id: _Id
+    id: int
     gyro: _Address
     """Address of the x component; y and z follow."""
     accelerometer: _Address
@@ -144,6 +143,7 @@ def check_calibration(calibration: Calibration, origin: str) -> None:
     owners = [*calibration.joints, "imu"]
     if calibration.imu is not None:
         ids.append(calibration.imu.id)
+        _check_id(calibration.imu.id, f"{origin}: imu", calibration.make)
         _check_imu(calibration.imu, origin)
     for number, times in Counter(ids).items():
         if times > 1:
@@ -205,7 +205,16 @@ def check_joints(
             )
 
 
+def _check_id(number: int, where: str, make: str) -> None:
+    most = make_named(make).wire.last_id
+    if not 0 <= number <= most:
+        raise CalibrationError(
+            f"{where}.id = {number!r:.60}: allowed for {make} servos: 0 to {most}"
+        )
+
+
 def _check_joint(joint: JointCalibration, where: str, make: str) -> None:
+    _check_id(joint.id, where, make)
     if not joint.lower < joint.upper:
         raise CalibrationError(
             f"{where}: lower = {joint.lower:g} deg must be below upper = "

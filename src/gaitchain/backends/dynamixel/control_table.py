@@ -16,7 +16,6 @@ WATCHDOG_UNIT_S = 0.02
 WATCHDOG_MOST = 127
 WATCHDOG_TRIPPED = 0xFF  # -1 as a signed byte
 ALERT = 0x80  # bit of a status packet's error byte that reports a hardware error
-LAST_ID = 252
 HARDWARE_ERRORS = {
     0: "supply voltage",
     2: "overheating",

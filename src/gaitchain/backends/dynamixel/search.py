@@ -4,7 +4,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 from gaitchain.backends.dynamixel.bus import ServoBus
-from gaitchain.backends.dynamixel.control_table import LAST_ID
 from gaitchain.backends.dynamixel.make import DYNAMIXEL, Make
 from gaitchain.errors import BackendError, CommandError
 
@@ -54,22 +53,27 @@ def opened(
     )
 
 
-def parse_ids(text: str) -> list[int]:
+def parse_ids(text: str, make: Make = DYNAMIXEL) -> list[int]:
     """Parse ids such as "1-12,200".
 
+    Args:
+        text: the ids.
+        make: make of the servos.
+
     Raises:
-        CommandError: the text cannot be parsed.
+        CommandError: the text cannot be parsed, or no servo of the make has such an id.
     """
     found: list[int] = []
+    most = make.wire.last_id
     for piece in text.split(","):
         first, dash, last = piece.strip().partition("-")
         ends = [first, last] if dash else [first, first]
         if not all(end.isascii() and end.isdigit() and len(end) < 4 for end in ends):
             raise CommandError(f'--ids {text!r}: give ids such as "1-12,200"')
         low, high = map(int, ends)
-        if not low <= high <= LAST_ID:
+        if not low <= high <= most:
             raise CommandError(
-                f"--ids {piece.strip()!r}: give ids from 0 to {LAST_ID}, low to high"
+                f"--ids {piece.strip()!r}: give ids from 0 to {most}, low to high"
             )
         found.extend(range(low, high + 1))
     return found

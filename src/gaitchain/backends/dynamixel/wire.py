@@ -40,6 +40,8 @@ class Wire(Protocol):
     """Bytes of a read, and of a sync read without the ids."""
     timeout: int
     """Result of the SDK for a packet of which no byte came."""
+    last_id: int
+    """Highest id that a servo may have."""
     knows_ping_all: bool
     """Whether one broadcast finds all servos."""
     knows_fast: bool
@@ -104,6 +106,7 @@ class Protocol2:
     """DYNAMIXEL's protocol 2.0."""
 
     frame, request, timeout = 11, 14, -3001
+    last_id = 252
     knows_ping_all = knows_fast = True
 
     def __init__(self, port: ServoPort) -> None:

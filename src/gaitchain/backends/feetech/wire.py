@@ -10,7 +10,6 @@ from gaitchain.backends.dynamixel.wire import SUCCESS, Answer, answer_of
 from gaitchain.backends.feetech.control_table import MODEL
 from gaitchain.errors import needed_by
 
-LAST_ID = 253
 _ID, _LENGTH, _ERROR, _DATA = 2, 3, 4, 5  # indices of the fields in a status packet
 _OTHERS = 2  # bytes of error and checksum, which count in the length field
 _LONGEST = 250  # bytes of a packet that the SDK sends
@@ -25,6 +24,7 @@ class StsProtocol:
     """
 
     frame, request, timeout = 6, 8, -6
+    last_id = 253
     knows_ping_all = knows_fast = False
 
     def __init__(self, port: ServoPort) -> None:
@@ -48,7 +48,7 @@ class StsProtocol:
     def ping_all(self) -> dict[int, int]:
         """Return the model numbers by id of all that answer, asked one by one."""
         found = {}
-        for number in range(LAST_ID + 1):
+        for number in range(self.last_id + 1):
             self._port.is_using = False
             model = self.ping(number)
             if model is not None:
