@@ -204,11 +204,11 @@ def test_a_loop_lets_go_of_servos_though_its_files_are_gone(tmp_path):
         service = Service(str(library), *words, "--open-loop", folder=tmp_path)
         try:
             service.until(lambda: service.mode("off"))
-            service.client.post("api/v1/start")
-            service.until(lambda: all(s.torque for s in bus.servos.values()))
             library.unlink()
             file.write_text("of nothing")
             killed = service.kill("loop")
+            for servo in bus.servos.values():  # as of a loop that died while it stood
+                servo.put(servo.torque_at, 1)
             service.until(lambda: not any(s.torque for s in bus.servos.values()))
             service.until(lambda: service.part("loop") not in (None, killed))
             service.until(lambda: service.mode("off"))
