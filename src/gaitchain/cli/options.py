@@ -91,18 +91,13 @@ _LOW = "Hips lower by this, as far as `inspect` says that they go; less at speed
 Crouch = Annotated[float, tyro.conf.arg(metavar="FLOAT", help=_LOW)]
 Loop = Annotated[LoopOptions, tyro.conf.OmitArgPrefixes]
 Report = Annotated[ReportOptions, tyro.conf.OmitArgPrefixes]
-_LIBRARY = tyro.conf.arg(
-    metavar="LIBRARY",
-    help="A library that `gaitchain build` wrote; `res` comes with gaitchain.",
-)
+_A_LIBRARY = "A library that `gaitchain build` wrote; `res` comes with gaitchain."
+_LIBRARY = tyro.conf.arg(metavar="LIBRARY", help=_A_LIBRARY)
+_OPTIONAL = tyro.conf.arg(metavar="[LIBRARY]", help=_A_LIBRARY)
 _LOGS = tyro.conf.arg(metavar="LOG [LOG ...]", help_behavior_hint="(required)")
 _SEEDED = tyro.conf.arg(help="Seed of all that is drawn; the same one gives the same.")
 Seed = Annotated[int, _SEED, _SEEDED]
 Library = Annotated[str, tyro.conf.Positional, _LIBRARY]
-_OPTIONAL = tyro.conf.arg(
-    metavar="[LIBRARY]",
-    help="A library that `gaitchain build` wrote; `res` comes with gaitchain.",
-)
 OwnLibrary = Annotated[str | None, tyro.conf.Positional, _OPTIONAL]
 UsualLibrary = Annotated[str, tyro.conf.Positional, _OPTIONAL]
 _DRAWN = tyro.conf.arg(
