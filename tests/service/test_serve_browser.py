@@ -35,6 +35,12 @@ def yaw(service):
     return math.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
 
 
+def chosen(service):
+    """The node of the chain that was chosen last; poses are numbered in their layer."""
+    choice = service.state["choice"]
+    return choice["layer"], choice["pose"], choice["left_support"]
+
+
 def turned(service, before):
     return abs(math.remainder(yaw(service) - before, math.tau))
 
@@ -92,9 +98,9 @@ def test_one_drives_and_the_other_watches(service, visit, see):
     service.until(
         lambda: person.holds("w") and service.state["scene"]["trunk"][0] > 0.3
     )
-    why, pose = page.locator("#why"), service.state["choice"]["pose"]
+    why, choice = page.locator("#why"), chosen(service)
     said = why.inner_text()
-    service.until(lambda: person.holds("w") and service.state["choice"]["pose"] != pose)
+    service.until(lambda: person.holds("w") and chosen(service) != choice)
     service.until(lambda: person.holds("w") and why.inner_text() != said)
     page.keyboard.up("w")
 
