@@ -336,6 +336,27 @@ def test_a_file_that_cannot_be_read_is_not_overwritten(
     assert out.read_text() == broken
 
 
+@pytest.mark.slow
+def test_an_imu_whose_id_a_servo_has_is_refused_before_the_work(
+    library, truth, tmp_path
+):
+    out = tmp_path / "robot.toml"
+    save_calibration(msgspec.structs.replace(truth, imu=IMU), out)
+    before = out.read_text()
+    knee = msgspec.structs.replace(truth.joints["left_knee"], id=IMU.id)
+    joints = truth.joints | {"left_knee": knee}
+    changed = msgspec.structs.replace(truth, joints=joints)
+    with ServoBusEmulator.like(changed, STAND, clock=Clock()) as bus:
+        words = ("--port", bus.port, "-o", out, "--ids", f"{IDS},{IMU.id}")
+        person = Person(bus, changed, library, *words, "--baud", "1000000")
+        code = person.answer(lambda line: stretched(person, line))
+    talk = "\n".join(person.talk)
+    assert code == 2, talk
+    assert "imu.id = 200 is a servo on this bus" in talk
+    assert "Hang the robot up" not in talk
+    assert out.read_text() == before
+
+
 @pytest.fixture
 def piped(monkeypatch):
     """Answers that are there before the questions."""
@@ -691,11 +712,18 @@ def test_limits_seen_keep_off_the_stops():
         seen_limits([1.0, 2.0], (-80.0, 80.0), 1.5)
 
 
-@pytest.mark.parametrize("stand", [-49.5, 29.5])
+@pytest.mark.parametrize("stand", [-50.5, 30.5])
 def test_limits_seen_include_the_stand(stand):
-    with pytest.raises(CommandError, match="at least 1 deg past where it stands"):
+    with pytest.raises(CommandError, match="move it past where it stands"):
         seen_limits([0.0, -50.0, 30.0], (-80.0, 80.0), stand)
-    assert seen_limits([-51.0, 31.0], (-80.0, 80.0), stand) == (-50.0, 30.0)
+    assert seen_limits([-52.0, 32.0], (-80.0, 80.0), stand) == (-51.0, 31.0)
+
+
+def test_a_joint_may_stand_near_its_stop():
+    """It cannot be moved further, and would be asked for again without an end."""
+    angles = [0.0, -50.0, 30.0]
+    assert seen_limits(angles, (-80.0, 80.0), -49.7) == (-49.7, 29.0)
+    assert seen_limits(angles, (-80.0, 80.0), 29.6) == (-49.0, 29.6)
 
 
 def test_an_angle_is_given_within_a_turn_of_the_limits():

@@ -120,7 +120,9 @@ def _calibrate(options: Calibrate, port: str, robot: Robot, out: Path) -> Calibr
     make = make_named(options.make)
     ids = None if options.ids is None else parse_ids(options.ids, make)
     with opened(port, bauds, ids, make) as (bus, baud, models):
-        guided = _Guided(bus, answers, robot.legs, _servos(bus, models))
+        servos = _servos(bus, models)
+        _check_imu(earlier, list(servos), out)
+        guided = _Guided(bus, answers, robot.legs, servos)
         joints = guided.calibrate(pose, options.pose, limits=options.limits)
         return Calibration(
             robot=robot.name,
@@ -313,6 +315,16 @@ def _earlier(out: Path, make: MakeName, robot: Robot) -> Calibration | None:
     imu = " and its table [imu]" if earlier.imu else ""
     say(f"{out}: its values of pwm_limit{imu} are not kept: they are of {others}")
     return None
+
+
+def _check_imu(earlier: Calibration | None, servos: list[int], out: Path) -> None:
+    """Refuse an IMU of the earlier file whose id a servo has, before all is moved."""
+    if earlier is not None and earlier.imu is not None and earlier.imu.id in servos:
+        raise CalibrationError(
+            f"{out}: imu.id = {earlier.imu.id} is a servo on this bus; correct or "
+            "remove its table [imu], which a new calibration keeps, or write to "
+            "another file"
+        )
 
 
 def _bounded(

@@ -156,13 +156,15 @@ def seen_limits(
 ) -> tuple[float, float]:
     """Return the limits of a joint that a person has moved to both ends [deg].
 
+    They stay 1 deg off both ends, but for a joint that stands nearer to one: its stand.
+
     Args:
         angles: joint angles during the motion [deg].
         limits: limits within which the result stays, and `stand` is [deg].
         stand: angle of the joint as the robot stands [deg].
 
     Raises:
-        CommandError: the joint was hardly moved, or not past `stand`.
+        CommandError: the joint was hardly moved, or not through `stand`.
     """
     low = round(max(limits[0], min(angles) + _INSIDE_DEG), 3)
     high = round(min(limits[1], max(angles) - _INSIDE_DEG), 3)
@@ -171,10 +173,9 @@ def seen_limits(
             f"it was moved from {min(angles):.1f} to {max(angles):.1f} deg only; move "
             "it to both of its ends"
         )
-    if not low <= stand <= high:
+    if not min(angles) <= stand <= max(angles):
         raise CommandError(
             f"it stands at {stand:.1f} deg and was moved from {min(angles):.1f} to "
-            f"{max(angles):.1f}; move it at least {_INSIDE_DEG:g} deg past where it "
-            "stands"
+            f"{max(angles):.1f}; move it past where it stands"
         )
-    return low, high
+    return min(low, stand), max(high, stand)
