@@ -32,8 +32,8 @@ from gaitchain.robot.robot import Robot
 from gaitchain.sim.overlaps import part_overlaps
 from gaitchain.sim.scene import misbuild, shift_com
 from gaitchain.sim.stability import (
-    MOST,
     explicit_damping,
+    most_damping,
 )
 from gaitchain.sim.world import World
 
@@ -89,15 +89,15 @@ def calm(model: mujoco.MjModel) -> str:
     Returns:
         Why; empty if the model's own integrator stays.
     """
-    ratio, joint = explicit_damping(model)
-    if ratio <= MOST:
+    (ratio, joint), most = explicit_damping(model), most_damping(model)
+    if ratio <= most:
         return ""
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     step_ms = 1000.0 * float(model.opt.timestep)
     return (
         f"implicitfast: at {step_ms:g} ms the file's lets {joint} shake (damping x "
-        f"time step / inertia is {ratio:.1f}, at most {MOST:g} holds; "
-        f"{step_ms * MOST / ratio:.2g} ms would do)"
+        f"time step / inertia is {ratio:.1f}, at most {most:g} holds; "
+        f"{step_ms * most / ratio:.2g} ms would do)"
     )
 
 

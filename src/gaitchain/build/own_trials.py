@@ -28,8 +28,8 @@ from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.robot.leg_model import LegModel
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.stability import (
-    MOST_STIFF,
     explicit_stiffness,
+    most_stiffness,
 )
 from gaitchain.sim.world import DISTURBANCES, World
 from gaitchain.walker.walker import Walker
@@ -272,17 +272,17 @@ def _stand_still(backend: _Tracked) -> float | None:
 
 def _why_diverged(model: mujoco.MjModel) -> str:
     """Say which joint shakes in a model whose physics diverged."""
-    ratio, joint = explicit_stiffness(model)
+    (ratio, joint), most = explicit_stiffness(model), most_stiffness(model)
     step_ms = 1000.0 * float(model.opt.timestep)
     said = f"standing, its physics diverges within {_STANDS * CONTROL_PERIOD_S:g} s"
-    if ratio <= MOST_STIFF:
+    if ratio <= most:
         return f"{said} with time steps of {step_ms:g} ms; see whether less helps"
     return (
         f"{said}: at {step_ms:g} ms the servo of {joint} shakes it (stiffness x time "
-        f"step^2 / inertia is {ratio:.3g}, at most {MOST_STIFF:g} holds); give the "
-        f"joint {ratio / MOST_STIFF:.2g} times its inertia (armature), its servo "
-        f"{100.0 * MOST_STIFF / ratio:.2g} % of its stiffness, or the file time steps "
-        f"of {step_ms * math.sqrt(MOST_STIFF / ratio):.2g} ms"
+        f"step^2 / inertia is {ratio:.3g}, at most {most:g} holds without damping); "
+        f"give the joint {ratio / most:.2g} times its inertia (armature), its servo "
+        f"{100.0 * most / ratio:.2g} % of its stiffness, or the file time steps of "
+        f"{step_ms * math.sqrt(most / ratio):.2g} ms"
     )
 
 

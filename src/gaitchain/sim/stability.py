@@ -1,12 +1,14 @@
 """Whether a model's integrator can take its servos, and whether it did. Ours.
 
-An explicit integrator with the time step h makes of a servo's damping kv and inertia I
+Euler's integrator with the time step h makes of a servo's damping kv and inertia I
 
     q'(t + h) = (1 - h kv / I) q'(t)                                            (1)
 
-which grows where h kv / I > 2. MuJoCo's Euler integrator takes the damping of joints
-implicitly, but not that of actuators. No integrator of MuJoCo takes the stiffness kp
-implicitly: without damping the joint shakes where h^2 kp / I > 4.
+which grows where h kv / I > 2. MuJoCo's takes the damping of joints implicitly, but not
+that of actuators. No integrator of MuJoCo takes the stiffness kp implicitly: without
+damping the joint shakes where h^2 kp / I > 4. Runge and Kutta's of fourth order (RK4)
+is stable for h lambda in [-2.785, 0] and in [-2.828 i, 2.828 i] [Hairer1996, IV.2], so
+that damping may be 2.785 and stiffness 8.
 """
 
 import mujoco
@@ -22,10 +24,17 @@ _FIRST_BAD, _LAST_BAD = (
     int(mujoco.mjtWarning.mjWARN_BADQPOS),
     int(mujoco.mjtWarning.mjWARN_BADQACC),
 )
-MOST = 2.0
-"""h kv / I from which on (1) grows."""
-MOST_STIFF = 4.0
-"""h^2 kp / I from which on a joint without damping shakes more and more."""
+_RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
+
+
+def most_damping(model: mujoco.MjModel) -> float:
+    """Return the h kv / I from which on a model's explicit integrator grows, (1)."""
+    return 2.785 if model.opt.integrator == _RK4 else 2.0
+
+
+def most_stiffness(model: mujoco.MjModel) -> float:
+    """Return the h^2 kp / I from which on a joint without damping shakes ever more."""
+    return 8.0 if model.opt.integrator == _RK4 else 4.0
 
 
 def divergences(data: mujoco.MjData) -> IntArray:
