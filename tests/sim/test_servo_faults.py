@@ -163,6 +163,20 @@ def test_viscous_friction_takes_its_part_at_the_speed_limit():
     assert more * speed == pytest.approx(part * TORQUE)
 
 
+@pytest.mark.parametrize("limit", [75.0, math.inf])
+def test_how_fast_set_points_move_leaves_the_motors_as_they_are(limit):
+    faults = {"viscous_friction": 0.2, "no_load": 1.5}
+    own, other = (
+        MujocoBackend(RES, World(speed_limit_deg_s=speed, **faults))
+        for speed in (None, limit)
+    )
+    np.testing.assert_array_equal(own.model.dof_damping, other.model.dof_damping)
+    other.connect(STRAIGHT)
+    own.connect(STRAIGHT)
+    np.testing.assert_array_equal(own._servos._servos[4], other._servos._servos[4])
+    assert np.isfinite(other._servos._servos[4]).all()
+
+
 # --- motor
 
 
@@ -437,3 +451,14 @@ def test_options_beside_a_servo_count_more():
     known = KNOWN_SERVOS["sts3215"].numbers
     assert numbers == known | {"backlash_deg": 0.2}
     assert world_numbers(SimpleNamespace(servo=None)) == {}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_robot_with_bad_encoders_is_put_on_its_lower_sole(seed):
+    """Its legs are not equally long; a sole in the floor would throw it up."""
+    world = World(encoder_offset_deg=2.0, seed=seed)
+    backend = MujocoBackend(RES, world)
+    backend.connect(np.array(RES.legs.stand))
+    heights = backend._corners()[..., 2]
+    assert heights.min() == pytest.approx(0.0, abs=1e-12)
+    assert heights.max() > 1e-3

@@ -255,6 +255,20 @@ def test_boxes_and_skeleton_have_their_coms_in_one_place():
         np.testing.assert_allclose(here, there, atol=1e-9)
 
 
+@pytest.mark.parametrize("mass", [0.5, 1.01, 3.0])
+def test_a_heavier_world_has_the_same_errors(mass):
+    """Also where a link has no mass, and is given the least."""
+    weighs = np.array(SAME.legs.link_mass)
+    weighs[:, 3] = 0.0
+    robot = with_legs(RES, replace(SAME.legs, link_mass=weighs))
+    nominal, heavy = (
+        build_model(robot, World(mass=m, seed=3, model_error=0.1)).body_mass
+        for m in (1.0, mass)
+    )
+    assert (nominal == 1e-3).sum() == 2
+    np.testing.assert_allclose(heavy, mass * nominal)
+
+
 def test_a_heavier_world_weighs_more():
     nominal, heavy = build_model(SAME), build_model(SAME, World(mass=1.2))
     np.testing.assert_allclose(heavy.body_mass, 1.2 * nominal.body_mass)

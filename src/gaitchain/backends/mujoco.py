@@ -145,7 +145,7 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         self.joints[:] = position
         self._aim(position)
         mujoco.mj_kinematics(self.model, self.data)
-        self._standing = float(self.data.qpos[2] - self._corners()[0, :, 2].min())
+        self._standing = float(self.data.qpos[2] - self._corners()[..., 2].min())
         if not self.world.held:
             self.data.qpos[2] = self._standing
         self._outside.plan(self.world)

@@ -20,7 +20,7 @@ from gaitchain.sim.world_draws import (
 _BLOCK_COLOUR = (0.72, 0.74, 0.7, 1)
 _BLOCK_DEPTH = 0.05  # below the floor, so that contacts push a sole upward [m]
 _IMPEDANCE_RATIO = 10.0  # of friction over normal force; with more, less creep
-_WEIGHTLESS = 1e-3  # kg; the errors of lighter links are negligible
+_WEIGHTLESS = 2e-3  # kg, above what links without mass are given; no errors below it
 
 
 def new_scene(name: str, world: World) -> Any:
@@ -125,8 +125,8 @@ def add_servo(spec: Any, body: Any, legs: LegModel, at: int, world: World) -> No
     name, span = legs.joint_names[at], [legs.lower[at], legs.upper[at]]
     torque = float(legs.torque_limit[at]) * world.torque_limit
     limit = world.speed_limit_deg_s
-    speed = float(legs.speed_limit[at]) if limit is None else math.radians(limit)
-    viscous = world.viscous_friction * torque / speed
+    own = float(legs.speed_limit[at])
+    viscous = world.viscous_friction * torque / own
     gain = float(draw_gains(world, len(legs.joint_names))[at])
     body.add_joint(
         name=name,
@@ -155,7 +155,7 @@ def add_servo(spec: Any, body: Any, legs: LegModel, at: int, world: World) -> No
     actuator.set_to_pid(
         kp=float(legs.stiffness[at]) * gain,
         kv=float(legs.damping[at] - legs.joint_damping[at]) * gain,
-        slewmax=speed,
+        slewmax=own if limit is None else math.radians(limit),
         ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_POS),
     )
     _delay(actuator, world)
@@ -181,7 +181,8 @@ def misbuild(spec: Any, world: World) -> None:
     """Add errors to the mass, inertia and CoM of every link."""
     if not world.model_error:
         return
-    links = [body for body in spec.bodies[1:] if body.mass > _WEIGHTLESS]
+    least = _WEIGHTLESS * world.mass  # the same links, however heavy all of them are
+    links = [body for body in spec.bodies[1:] if body.mass > least]
     errors = draw_link_errors(world, len(links))
     for body, (mass, inertia, *shift) in zip(links, errors, strict=True):
         half = half_sides(body.mass, body.inertia)

@@ -136,8 +136,6 @@ class ServoFaults:
         self._loss = model.dof_frictionloss[dofs]
         gains = draw_gains(world, count)
         most = np.array(model.actuator_forcerange[:, 1])
-        limit = world.speed_limit_deg_s
-        speed = legs.speed_limit if limit is None else np.full(count, np.radians(limit))
         play = 0.5 * plays(robot, world)
         self._servos = np.array(
             [
@@ -145,7 +143,7 @@ class ServoFaults:
                 (legs.damping - legs.joint_damping) * gains,
                 most,
                 world.timestep * model.actuator_dynprm[:, _SLEW],
-                world.no_load * speed,
+                world.no_load * legs.speed_limit,
                 play,
                 legs.friction_loss + world.dry_friction * most,
             ]

@@ -200,7 +200,7 @@ class World:
             strides=Exposure((0.0, 0.3), (0.3,), (0.6, 1.0)),
         ),
     ] = 0.0
-    """Stribeck's; without dry friction there is none."""
+    """Stribeck's; of all dry friction, which is that of the robot's file, too."""
     viscous_friction: Annotated[
         float,
         Disturbance(
@@ -497,15 +497,16 @@ class World:
     speed_limit_deg_s: Annotated[
         float | None,
         Disturbance(
-            help="Speed limit of the servos [deg/s]; inf for none. The robot's own by "
-            "default.",
+            help="Speed limit of the servos' set-points [deg/s]; inf for none. The "
+            "robot's own by default.",
             label="servo speed",
             option="speed_limit",
             limits=Limits(1.0, math.inf),
             unit=" deg/s",
         ),
     ] = None
-    """Rate limit of the servos' set-points; `math.inf` for none."""
+    """Rate limit of the servos' set-points; `math.inf` for none. What motors can do,
+    and lose to friction, follows from the robot's own limit."""
     foot_sensors: Annotated[
         bool,
         Disturbance(
