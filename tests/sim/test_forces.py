@@ -132,6 +132,33 @@ def test_arms_at_rest_push_nothing_and_raised_ones_shift_the_weight() -> None:
     np.testing.assert_allclose(wrench[:3], 0.0, atol=0.02 * weight)
 
 
+def test_raised_arms_weigh_downhill_on_a_slope() -> None:
+    """Axes are those of the floor, to which gravity is not square."""
+    flat, steep = (
+        ArmMotion(RES, World(seed=1, arms="random", slope_deg=slope))
+        for slope in (0.0, 10.0)
+    )
+    found = [arms.wrench(0.8, np.eye(3), np.zeros(3)) for arms in (flat, steep)]
+    places = (flat._places(0.8) - flat._places(0.0)).sum(axis=0)
+    turned = np.array([0.0, 0.0, 1.0]) - World(slope_deg=10.0).up
+    more = 0.05 * RES.reduced.mass * GRAVITY * np.cross(places, turned)
+    np.testing.assert_allclose(found[1][3:] - found[0][3:], more, atol=1e-9)
+    np.testing.assert_array_equal(found[1][:3], found[0][:3])
+
+
+@pytest.mark.parametrize("body", ["trunk", "upper"])
+def test_two_pushes_at_once_are_both_taken_away(body) -> None:
+    """The upper part of a trunk is pushed as a part of the trunk, too."""
+    pushes = Push(3.0, 0.0, 0.0, 0.02), Push(3.0, 90.0, 0.0, 0.02, body=body)
+    backend = MujocoBackend(RES, World(push=pushes, waist=2000.0))
+    backend.connect(STAND)
+    for _ in range(2):
+        backend.write(STAND)
+        assert backend.data.xfrc_applied.any() or backend.data.time > 0.02
+    backend.write(STAND)
+    np.testing.assert_allclose(backend.data.xfrc_applied, 0.0, atol=1e-9)
+
+
 def test_the_forces_of_moving_arms_add_up_to_what_their_momentum_changed_by() -> None:
     """From rest to rest the impulse is 0: F = -m r'' leaves no momentum."""
     arms = ArmMotion(RES, World(seed=2, arms="random"))

@@ -16,6 +16,7 @@ from gaitchain.gait.schedule import Segment
 from gaitchain.messages import GRAVITY, Command
 from gaitchain.robot.box_robot import box_legs, load_box_robot
 from gaitchain.sim.model import build_model
+from gaitchain.sim.push import Push
 from gaitchain.sim.waist import AXES
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
@@ -140,6 +141,22 @@ def test_a_walk_is_recorded_without_the_waist(brisk):
     assert len(truth.qpos) == 7 + backend.model.nu
     assert len(backend.read().joint_position) == backend.model.nu
     assert np.abs(backend.data.qpos[7 + backend.model.nu :]).max() > 1e-4, "it bends"
+
+
+@pytest.mark.parametrize("arms", ["still", "random"])
+def test_a_push_on_the_trunk_acts_on_both_of_its_parts(arms):
+    """A waist as good as rigid is none, for the arms on the upper part, too."""
+    ends = []
+    for waist in (math.inf, 2000.0):
+        push = Push(12.0, 0.0, 0.5)
+        world = World(waist=waist, push=(push,), seed=3, arms=arms)
+        backend = MujocoBackend(RES, world)
+        backend.connect(np.array(RES.legs.stand))
+        for _ in range(80):
+            backend.write(np.array(RES.legs.stand))
+        ends.append(np.concatenate([backend.data.qpos[:3], backend.data.qvel[:3]]))
+    assert np.abs(ends[0][3:]).max() > 0.1, "it moves"
+    np.testing.assert_allclose(ends[1], ends[0], atol=0.01)
 
 
 def test_a_softer_waist_than_its_weight_needs_is_refused():

@@ -29,6 +29,7 @@ class ArmMotion:
         """Hang the arms down; if they move, aims follow from the world's seed."""
         reduced = robot.reduced
         self._mass = _MASS * reduced.mass
+        self._weight = -self._mass * GRAVITY * np.array(world.up)
         self._length = _LENGTH * reduced.leg_length
         self._hanging = np.array([0.0, 0.0, -self._length])
         aside, up = (part * reduced.trunk_length for part in _SHOULDER)
@@ -62,7 +63,7 @@ class ArmMotion:
         Args:
             time_s: since the start of the walk [s].
             turn: (3, 3) orientation of the trunk.
-            com: (3,) the trunk's CoM in its frame [m].
+            com: (3,) CoM of the body that is acted on, in the trunk's frame [m].
 
         Returns:
             (6,) force and moment about that CoM, in the world's frame [N, N m].
@@ -73,8 +74,7 @@ class ArmMotion:
         force = -self._mass * (after - 2.0 * now + before) / _H**2 @ turn.T
         arm = (self._shoulders + now - com) @ turn.T
         moved = (now - self._hanging) @ turn.T
-        weight = np.array([0.0, 0.0, -self._mass * GRAVITY])
-        moment = np.cross(arm, force) + np.cross(moved, weight)
+        moment = np.cross(arm, force) + np.cross(moved, self._weight)
         return np.concatenate([force.sum(axis=0), moment.sum(axis=0)])
 
     def _places(self, time_s: float) -> Array:

@@ -35,7 +35,7 @@ class OutsideForces:
         self._robot, self._truth, self._model, self._data = robot, truth, model, data
         self._forces = data.xfrc_applied
         self._bodies = {model.body(i).name: i for i in range(1, model.nbody)}
-        self._trunk = self._bodies["trunk"]
+        self._upper = self._bodies[list(trunk_parts(world))[-1]]
         self.plan(world)
 
     def plan(self, world: World) -> None:
@@ -126,10 +126,13 @@ class OutsideForces:
             self._truth.weigh()
 
     def _swing_arms(self) -> None:
-        data, trunk = self._data, self._trunk
+        """Let the arms act on the part of the trunk that has the shoulders."""
+        data, model, upper = self._data, self._model, self._upper
         time_s = self.pushes.elapsed_s(data.time)
-        turn, com = data.xmat[trunk].reshape(3, 3), self._model.body_ipos[trunk]
-        self._forces[trunk] = self._arms.wrench(time_s, turn, com)
+        turn, com = data.xmat[upper].reshape(3, 3), model.body_ipos[upper].copy()
+        if upper != self._bodies["trunk"]:
+            com += model.body_pos[upper]
+        self._forces[upper] = self._arms.wrench(time_s, turn, com)
 
     def _step_pushed(self, count: int, before: Callable[[], None] | None) -> None:
         step = self._world.timestep
@@ -138,10 +141,16 @@ class OutsideForces:
                 before()
             self._let_go()
             for name, impulse in self._impulses_within(step).items():
-                body, force = self._bodies[name], impulse / step
-                self._forces[body, :3] += force
-                self._pushing[body] = force
+                self._push_body(name, impulse / step)
             mujoco.mj_step(self._model, self._data)
+
+    def _push_body(self, name: str, force: Array) -> None:
+        """Push a body at its CoM; that of the trunk is the CoM of both of its parts."""
+        parts = trunk_parts(self._world) if name == "trunk" else {name: 1.0}
+        for part, share in parts.items():
+            body = self._bodies[part]
+            self._forces[body, :3] += share * force
+            self._pushing[body] = self._pushing.get(body, 0.0) + share * force
 
     def _let_go(self) -> None:
         """Take the latest pushes away.
