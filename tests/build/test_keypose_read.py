@@ -54,6 +54,19 @@ def library(once):
     return once("read_key_poses", lambda: build_library(SMALL, robot=READ)[0])
 
 
+@pytest.mark.slow
+def test_its_stand_is_angles_and_its_targets_bear_the_weight(library):
+    walker = Walker(library, require_qualified=False, feedback=False)
+    off = []
+    for targets in (walker.standing_targets.position, walker.stand):
+        backend = MujocoBackend(READ)
+        backend.connect(walker.stand)
+        for _ in range(round(2.0 / CONTROL_PERIOD_S)):
+            backend.write(targets)
+        off.append(np.abs(backend.read().joint_position - walker.stand).max())
+    assert off[0] < 0.2 * off[1]
+
+
 def with_rolls(low):
     """READ whose hips roll inward by less."""
     legs = READ.legs

@@ -57,7 +57,12 @@ class KeyposeGait(Gait):
 
     @property
     def stand(self) -> Array:
-        """(2 n,) servo targets of the standing pose [rad]."""
+        """(2 n,) joint angles of the standing pose [rad]."""
+        return self._rest
+
+    @property
+    def stand_targets(self) -> Array:
+        """(2 n,) servo targets that keep the standing pose [rad]."""
         return self._stand
 
     @property
