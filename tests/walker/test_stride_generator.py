@@ -72,6 +72,15 @@ def full():
     return StrideGenerator(invented(all_pairs(poses.counts[0]), poses))
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_first_foot_is_that_of_the_side_to_which_the_feet_go(full, side):
+    """A turn carries the outer foot by the stance, of whatever robot."""
+    half = 0.5 * side
+    for part, left in ((1.1, side < 0.0), (0.9, side > 0.0)):
+        command = Command(0.0, -part * half * full.stance, half)
+        assert full.first_support(command) != left
+
+
 def one_step(generator, state, command, made=None):
     """Advance through a whole step; return the state after it and where it landed."""
     state, _ = generator.advance(state, command, made=made)

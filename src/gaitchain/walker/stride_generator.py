@@ -173,7 +173,7 @@ class StrideGenerator(Generator):
 
     def first_support(self, command: Command) -> bool:
         """Whether the left leg supports first; the foot on the motion's side steps."""
-        return command.vy + 0.2 * command.yaw_rate <= 0.0
+        return command.vy + self._stance * command.yaw_rate <= 0.0
 
     def step_speed(self, state: ChainState) -> float:
         """Return the planned forward speed of a step, negative backward [m/s]."""

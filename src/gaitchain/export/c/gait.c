@@ -690,7 +690,7 @@ static void walk_on(gait_walker *w, const gait_sensors *sensors) {
     if (catches(w)) {
         start_chain(w);
     } else if (state->phase == STAND && !(stops(&w->command) && feet_in_place(&w->walk))) {
-        begin_shift(w, w->command.vy + 0.2 * w->command.yaw_rate <= 0.0);
+        begin_shift(w, w->command.vy + STANCE * w->command.yaw_rate <= 0.0);
         start_chain(w);
     }
     if ((state->phase == SINGLE || state->phase == DOUBLE) && !wants_stride(&w->walk)) {
