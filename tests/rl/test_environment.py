@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from gaitchain.rl.environment import WalkEnv
 from gaitchain.rl.expert import Expert, open_library
 from gaitchain.rl.phase import StepPhase
 from gaitchain.rl.registration import WALK, register
+from gaitchain.rl.reward import Reward
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.sim.push import Push
 from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
@@ -21,6 +24,22 @@ from gaitchain.walker.walker import Walker
 gymnasium = pytest.importorskip("gymnasium")
 register()
 AHEAD = (0.3, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("size", [0.5, 1.0, 2.0])
+def test_errors_count_by_the_size_of_the_robot(size):
+    """By dynamic similarity: speeds go with sqrt(l), turns with 1 / sqrt(l)."""
+    robot = load_box_robot("res")
+    reduced = robot.reduced
+    shorter = {n: size * getattr(reduced, n) for n in ("femur_length", "crus_length")}
+    scaled = replace(robot, reduced=replace(reduced, **shorter), full=None)
+    off, turned = 0.1 * math.sqrt(size), 0.3 / math.sqrt(size)
+    backend = MujocoBackend(robot)
+    backend.connect(np.array(robot.legs.stand))
+    reward = Reward(Command(off, 0.0, turned), scaled, backend)
+    parts = reward.parts(np.zeros(1), np.zeros(1))
+    assert parts["reward_speed"] == pytest.approx(math.exp(-1.0), rel=2e-3)
+    assert parts["reward_turn"] == pytest.approx(0.5 * math.exp(-1.0), rel=2e-3)
 
 
 @pytest.fixture(scope="module")

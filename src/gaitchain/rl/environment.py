@@ -126,7 +126,7 @@ class WalkEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._stand_still(backend)
         self._control.command(command)
         self._parts = np.array(self.range.parts(command))
-        self._reward = Reward(command, backend)
+        self._reward = Reward(command, self.library.robot, backend)
         self._ticks, self._last = 0, np.zeros(self._control.size)
         self._sensors = backend.read()
         return self._observe(), {"command": command.motion}
