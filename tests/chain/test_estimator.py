@@ -171,6 +171,7 @@ def test_data_that_cannot_be_are_refused(paths, costs, says):
         ({"prior": "1"}, "prior='1': need a finite weight"),
         ({"prior": None}, "prior=None: need a finite weight"),
         ({"prior": 10**400}, "prior=inf: need a finite weight above 0"),
+        ({"prior": 5e-324}, "prior=5e-324: nothing of it is left in a row"),
         ({"shrink": "1"}, "shrink='1': need a finite weight"),
         ({"shrink": True}, "shrink=True: need a finite weight"),
         ({"random_state": "a"}, "random_state='a': need a whole number"),

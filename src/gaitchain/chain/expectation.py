@@ -105,8 +105,9 @@ def path_costs(
     of `expected_costs` cannot be added up, as each inner pose would count twice. With
     one strength for all, 200 walks fit their noise: the sum explains -4 % of the
     variance of other walks, with estimated strengths 17 % (`docs/paper_map.md`). With a
-    given strength sums along gaits are within 0.005 of the ridge regression where the
-    layers were drawn independently, and within 0.02 where they go together.
+    strength of 1 sums along gaits are within 0.005 of the ridge regression where the
+    layers were drawn independently, and within 0.02 where they go together; with a
+    weaker one they may be further off.
 
     Args:
         layer_sizes: poses per key moment, L of them.

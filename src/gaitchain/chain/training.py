@@ -90,6 +90,8 @@ def train_batch(
     if not (math.isfinite(prior) and prior > 0.0):
         raise ChainError(f"prior={prior}: need a finite weight above 0, such as 1.0")
     sizes = check_layer_sizes(layer_sizes)
+    if prior / max(sizes) < np.finfo(float).tiny:
+        raise ChainError(f"prior={prior}: nothing of it is left in a row; try 1.0")
     indices, checked = check_samples(sizes, gaits, costs)
     trained = []
     for layer in range(len(sizes) - 1):

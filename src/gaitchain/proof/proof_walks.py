@@ -32,7 +32,8 @@ follow, and after them those with each contact model."""
 CONES: tuple[Cone, ...] = get_args(Cone)
 """The models of contact."""
 # Walks that are begun together. Their number follows from those before, never from the
-# workers, so that runs can be resumed; at the end up to an eighth is walked in vain.
+# workers, so that runs can be resumed; the rest of the last batch is walked in vain, at
+# most 31 walks in the first 256, and an eighth of all later.
 _BATCH, _MORE, _MOST = 32, 8, 1024
 _ENOUGH = 20.0  # times the steps that it takes if none falls
 

@@ -101,9 +101,9 @@ class RateTest:
 def steps_needed(bound: float, confidence: float = 0.95, length: int = 1) -> int:
     """Return how many steps without a fall show that a rate is below a bound.
 
-    The largest bet (1) is enough for that; the others spare a twentieth of the steps
-    at most. It wins log(1 + l b N) by a walk of N steps, which is less than N times
-    what one of a single step wins: longer walks take more steps.
+    The largest bet (1) is enough for that; from 95 % confidence on the others spare a
+    twentieth of the steps at most. It wins log(1 + l b N) by a walk of N steps, which
+    is less than N times what one of a single step wins: longer walks take more steps.
 
     Args:
         bound: b, falls per step.

@@ -67,7 +67,7 @@ typedef struct {
 } gait_place;
 
 extern const char *const gait_joint_names[GAIT_JOINTS];
-extern const double gait_stand[GAIT_JOINTS]; /* targets of the standing pose [rad] */
+extern const double gait_stand[GAIT_JOINTS]; /* angles of the standing pose [rad] */
 extern const double gait_stiffness[GAIT_JOINTS]; /* of motor drivers [N m/rad] */
 extern const double gait_damping[GAIT_JOINTS]; /* [N m s/rad] */
 ${held}
