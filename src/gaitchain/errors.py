@@ -129,6 +129,22 @@ def file_errors(path: object, what: str, kind: type[GaitchainError]) -> Iterator
         raise kind(f"{path}: cannot be {what}: {reason}") from None
 
 
+def temporary_folder(kind: type[GaitchainError]) -> str:
+    """Return the folder for temporary files.
+
+    Raises:
+        GaitchainError: of that kind, where none can be written.
+    """
+    import tempfile  # noqa: PLC0415 - seldom needed
+
+    try:
+        return tempfile.gettempdir()
+    except OSError:
+        raise kind(
+            "no folder for temporary files can be written; set TMPDIR to one that can"
+        ) from None
+
+
 def printable(text: str) -> str:
     """Return a text in one line, with spaces for what a terminal would obey."""
     return "".join(char if char.isprintable() else " " for char in text)

@@ -9,6 +9,7 @@ import pytest
 
 from gaitchain.balance import code_cache
 from gaitchain.balance.code_cache import code_name, find_folder, source_files
+from gaitchain.errors import ServiceError, temporary_folder
 
 NOWHERE = Path(__file__) / "none"  # not even root can write there
 
@@ -88,6 +89,31 @@ def test_no_folder_at_all_is_no_error(warmed, temporary):
     assert "set XDG_CACHE_HOME to a folder that can" in code_cache.unkept()
 
 
+def test_without_temporary_files_there_is_no_folder(warmed, monkeypatch):
+    def nowhere():
+        raise FileNotFoundError("No usable temporary directory found")
+
+    monkeypatch.setattr(code_cache.tempfile, "gettempdir", nowhere)
+    assert find_folder(warmed) is None
+    with pytest.raises(ServiceError, match="set TMPDIR to one that can"):
+        temporary_folder(ServiceError)
+
+
+def test_a_home_that_must_not_be_looked_into_is_passed_by(
+    warmed, temporary, monkeypatch
+):
+    """As of root in a container of another user."""
+    exists = Path.exists
+
+    def refused(path, **how):
+        if path.is_relative_to(NOWHERE):
+            raise PermissionError(13, "Permission denied")
+        return exists(path, **how)
+
+    monkeypatch.setattr(Path, "exists", refused)
+    assert find_folder(warmed) == temporary / code_name()
+
+
 def test_a_folder_that_another_user_made_in_it_is_passed_by(
     warmed, tmp_path, temporary, monkeypatch
 ):
@@ -153,6 +179,52 @@ def test_what_cannot_be_kept_is_compiled_all_the_same(lacks, tmp_path):
     assert said.startswith("6.0 ")
     assert "XDG_CACHE_HOME" in said
     assert ("No space left" in said) == (lacks == "room")
+
+
+@pytest.fixture
+def kept(tmp_path):
+    """Run a small compiled function in fresh interpreters that keep its code."""
+    (tmp_path / "doubled.py").write_text(DOUBLED, "utf-8")
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    called = f"""
+import os
+from pathlib import Path
+from gaitchain.balance import code_cache
+code_cache.find_folder = lambda: Path({str(tmp_path / "kept")!r})
+from doubled import twice
+from gaitchain.balance.compiled import cache_trouble
+print(twice(3.0), sum(twice.stats.cache_hits.values()), cache_trouble())"""
+
+    def run():
+        environment = {**os.environ, "PYTHONPATH": path}
+        return subprocess.check_output(
+            [sys.executable, "-c", called], env=environment, text=True
+        ).strip()
+
+    assert run() == "6.0 0"
+    assert run() == "6.0 1"
+    return tmp_path / "kept", run
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+@pytest.mark.parametrize("left", [0, 40])
+def test_a_file_that_a_power_cut_damaged_is_compiled_anew(kept, kind, left):
+    folder, run = kept
+    (file,) = folder.rglob(f"*.{kind}")
+    file.write_bytes(file.read_bytes()[:left])
+    assert run() == "6.0 0"
+    assert run() == "6.0 1"
+
+
+@pytest.mark.slow
+def test_a_damaged_file_in_a_folder_that_cannot_be_written_is_no_end(kept):
+    folder, run = kept
+    (file,) = folder.rglob("*.nbi")
+    file.unlink()
+    file.mkdir()  # not even root can write there
+    assert run().startswith("6.0 0 ")
+    assert "machine code cannot be kept" in run()
 
 
 def test_the_name_is_that_of_all_that_machine_code_contains(monkeypatch, tmp_path):

@@ -1,6 +1,7 @@
 """`gaitchain robots` as a user has it."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 from commands import call
@@ -37,3 +38,29 @@ def test_robots_refuses_a_file_that_cannot_be_written(tmp_path, capsys):
     code, _, err = call(capsys, "robots", "--json", tmp_path)
     assert code == 2
     assert "cannot be written" in err
+
+
+def test_a_user_without_a_home_sees_the_robots_all_the_same(monkeypatch, capsys):
+    """Also one whose robots are downloaded into his home."""
+
+    class Homeless:
+        class MenagerieError(Exception):
+            pass
+
+        def __init__(self):
+            raise RuntimeError("Could not determine home directory.")
+
+        Cache = property(lambda self: Homeless)
+        robots = staticmethod(lambda kind: [SimpleNamespace(name="g1", license="MIT")])
+        names = staticmethod(lambda: ["g1"])
+        get = staticmethod(lambda name: SimpleNamespace(path=Homeless))
+
+    package = object.__new__(Homeless)
+    monkeypatch.setattr("gaitchain.discover.catalogue._package", lambda: package)
+    code, out, _ = call(capsys, "robots")
+    assert code == 0
+    assert "downloaded when first used" in out
+    code, _, err = call(capsys, "inspect", "g1")
+    assert code == 2
+    assert "g1: Could not determine home directory." in err
+    assert "MENAGERIE_ROOT" in err

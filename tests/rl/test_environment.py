@@ -2,10 +2,10 @@
 
 import math
 import warnings
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from other_robots import with_legs
 
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import CommandError, LibraryError
@@ -30,9 +30,10 @@ AHEAD = (0.3, 0.0, 0.0)
 def test_errors_count_by_the_size_of_the_robot(size):
     """By dynamic similarity: speeds go with sqrt(l), turns with 1 / sqrt(l)."""
     robot = load_box_robot("res")
-    reduced = robot.reduced
-    shorter = {n: size * getattr(reduced, n) for n in ("femur_length", "crus_length")}
-    scaled = replace(robot, reduced=replace(reduced, **shorter), full=None)
+    lengths = {
+        n: size * getattr(robot.reduced, n) for n in ("femur_length", "crus_length")
+    }
+    scaled = with_legs(robot, robot.legs, **lengths)
     off, turned = 0.1 * math.sqrt(size), 0.3 / math.sqrt(size)
     backend = MujocoBackend(robot)
     backend.connect(np.array(robot.legs.stand))

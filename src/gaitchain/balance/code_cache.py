@@ -57,8 +57,9 @@ def find_folder(beside: Path = _HERE / "__pycache__") -> Path | None:
         if kept is None:
             continue
         folder = kept / name
-        if warmed.is_dir() and not folder.exists():
-            _take_over(warmed, folder)
+        with suppress(OSError):  # a folder above must not be looked into
+            if warmed.is_dir() and not folder.exists():
+                _take_over(warmed, folder)
         if _can_write(folder):
             if kept == beside:  # the user's is that of all installs
                 _drop_others(kept, name)
@@ -93,8 +94,8 @@ def _own_folder() -> Path | None:
     Machine code is run, so a folder that another user made does not do.
     """
     user = os.getuid() if hasattr(os, "getuid") else 0  # Windows has one for each user
-    folder = Path(tempfile.gettempdir()) / f"gaitchain-{user}"
     try:
+        folder = Path(tempfile.gettempdir()) / f"gaitchain-{user}"
         folder.mkdir(mode=0o700, exist_ok=True)
         found = folder.lstat()
     except OSError:

@@ -103,10 +103,25 @@ def _keep(dispatcher: Any, function: Callable[..., Any]) -> None:
 
 @cache
 def _forgiving_cache() -> type[Any]:
-    """Return Numba's cache of a function, which goes on where the disk is full."""
+    """Return Numba's cache of a function, for disks that are full or were cut off."""
     from numba.core.caching import FunctionCache  # noqa: PLC0415 - heavy, as above
 
     class Forgiving(FunctionCache):
+        def load_overload(self, sig: Any, target_context: Any) -> Any:
+            try:
+                return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+            except Exception:  # a file that a power cut emptied may raise anything
+                self._forget()
+                return None
+
+        def _forget(self) -> None:
+            """Begin the function's files anew; else it would be read to be saved."""
+            try:
+                self.flush()  # type: ignore[no-untyped-call]
+            except OSError as error:
+                self.disable()  # type: ignore[no-untyped-call]
+                _lost.append(error.strerror or str(error))
+
         def save_overload(self, sig: Any, data: Any) -> None:
             try:
                 super().save_overload(sig, data)  # type: ignore[no-untyped-call]

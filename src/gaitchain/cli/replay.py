@@ -6,7 +6,7 @@ from pathlib import Path
 from gaitchain.cli.console import file_of, say
 from gaitchain.cli.libraries import given_robot
 from gaitchain.cli.options import Replay
-from gaitchain.errors import CommandError
+from gaitchain.errors import CommandError, temporary_folder
 from gaitchain.live.logs.reader import SUFFIX, Log, read_log
 from gaitchain.robot.compare import differences
 from gaitchain.robot.robot import Robot
@@ -22,7 +22,8 @@ def run(options: Replay) -> tuple[int, dict[str, str]]:
     if given is not None:
         _check(given, log)
     # The parts of the service load a library by its path, but this one is in the log.
-    with tempfile.TemporaryDirectory(prefix="gaitchain-replay-") as folder:
+    kept = temporary_folder(CommandError)
+    with tempfile.TemporaryDirectory(prefix="gaitchain-replay-", dir=kept) as folder:
         library = Path(folder) / "library.gait"
         library.write_bytes(log.library_bytes)
         settings = Settings(

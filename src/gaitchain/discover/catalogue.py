@@ -142,7 +142,7 @@ def _named(name: str) -> Path:
         robot = package.get(name)
         try:
             return Path(robot.path()) / str(robot.entry(robot.default_model).file)
-        except (package.MenagerieError, OSError) as error:
+        except (package.MenagerieError, OSError, RuntimeError) as error:
             raise RobotFileError(f"{name}: {error}; or {_CHECKOUT}") from None
     if root is not None and (root / name).is_dir():
         return _choose(root / name)
@@ -219,5 +219,8 @@ def _whereabouts(name: str, package: Any) -> tuple[bool, str]:
         return here, "in MENAGERIE_ROOT" if here else "not in MENAGERIE_ROOT"
     if package is None:
         return False, "needs 'gaitchain[robots]'"
-    cached = package.Cache().is_cached(package.get(name))
+    try:
+        cached = package.Cache().is_cached(package.get(name))
+    except (OSError, RuntimeError):  # of a user without a home that he may see
+        cached = False
     return True, "downloaded" if cached else "downloaded when first used"

@@ -5,7 +5,7 @@ import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
-from gaitchain.errors import ExportError
+from gaitchain.errors import ExportError, temporary_folder
 from gaitchain.export.c_library import CODE, DEMO
 from gaitchain.export.compiler import STRICT, compile_c, run_program
 
@@ -44,7 +44,7 @@ def try_c(folder: Path) -> Trial:
     Raises:
         ExportError: there is no compiler, or the code does not compile or run.
     """
-    with tempfile.TemporaryDirectory() as work:
+    with tempfile.TemporaryDirectory(dir=temporary_folder(ExportError)) as work:
         code, demo = Path(work) / "gait.o", Path(work) / "demo"
         compile_c([folder / CODE], code, *STRICT, "-O2", "-c")
         compile_c(

@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from gaitchain.errors import ServiceError, temporary_folder
+
 try:
     import fcntl
 except ImportError:  # Windows: nothing is locked or cleaned there
@@ -24,9 +26,13 @@ def service_folder() -> Iterator[Path]:
     """Make a folder of this user alone, and remove it at the end.
 
     Those of services that were killed are removed, too: they hold their tokens.
+
+    Raises:
+        ServiceError: no folder for temporary files can be written.
     """
-    _clean()
-    folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
+    within = temporary_folder(ServiceError)
+    _clean(Path(within))
+    folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=within))
     locked = _locked(folder, exclusive=False)
     try:
         yield folder
@@ -36,9 +42,9 @@ def service_folder() -> Iterator[Path]:
             os.close(locked)
 
 
-def _clean() -> None:
+def _clean(within: Path) -> None:
     """Remove the folders of services that do not run any more."""
-    for left in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
+    for left in within.glob(f"{_PREFIX}*"):
         # One that was made just now may not be locked yet; it is empty still.
         with suppress(OSError):
             if left.is_symlink() or not any(left.iterdir()):

@@ -22,7 +22,7 @@ from gaitchain.backends.dynamixel.emulator.devices import (
 )
 from gaitchain.backends.dynamixel.make import DYNAMIXEL, Make, make_named
 from gaitchain.backends.dynamixel.stall_free import StallFreeClock
-from gaitchain.errors import BackendError
+from gaitchain.errors import BackendError, temporary_folder
 from gaitchain.messages import Array
 
 _CHUNK = 4096
@@ -71,7 +71,11 @@ class ServoBusEmulator:
         """Emulated servos by id."""
         self.delay_s = 0.0
         """Time before each answer [s]."""
-        self._folder = Path(tempfile.mkdtemp(prefix="gaitchain-servos-"))
+        self._folder = Path(
+            tempfile.mkdtemp(
+                prefix="gaitchain-servos-", dir=temporary_folder(BackendError)
+            )
+        )
         self.port = str(self._folder / "port")
         """Path of the port to open, the same after `replug`."""
         self._master, self._slave = -1, -1
