@@ -23,6 +23,7 @@ from toy_robot import (
     quat,
     tie_hip_pitches,
 )
+from toy_urdf import toy_urdf
 
 from gaitchain.discover.find import find
 from gaitchain.discover.load import load_model
@@ -141,6 +142,7 @@ def test_soles_of_every_shape(foot, front, rear, half):
         assert area > 0.9 * 2.0 * half * (front - rear)  # counter-clockwise
     told = " ".join(" ".join(row) for row in found.evidence)
     assert ("as none of it collides" in told) == (foot == "visual")
+    assert ("none of its shapes collides" in told) == (foot == "visual")
     assert ("contact pairs" in told) == (foot == "pair")
 
 
@@ -581,7 +583,7 @@ def test_a_keyframe_tells_the_arms():
     ("toy", "words"),
     [
         (Toy(legs=0, arms=False), "no legs"),
-        (Toy(legs=1, arms=False), "no mirror image"),
+        (Toy(legs=1, arms=False), "no mirror image: an arm or a single leg"),
         (Toy(legs=4), "4 limbs reach the ground"),
         (Toy(legs=6), "6 limbs reach the ground"),
         (Toy(foot="wheel"), "rolls on wheels"),
@@ -594,6 +596,34 @@ def test_refusals_name_their_reason(toy, words):
     model, _ = built(toy)
     with pytest.raises(RobotFileError, match=f"^toy: .*{words}"):
         find(model, "toy")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("left_knee_link", None, r"right_\w+ weighs [\d.]+ kg, not|left_\w+ weighs"),
+        (
+            'xyz="0 0 -0.2"',
+            'xyz="0 0 -0.25"',
+            r"reaches 0\.2 m|reaches 0\.\d+ m beyond",
+        ),
+        ('lower="-2.0" upper="1.0"', 'lower="-2.0" upper="-1.5"', "bent otherwise"),
+    ],
+)
+def test_what_keeps_two_legs_from_being_alike_is_said(tmp_path, old, new, words):
+    lighter = new is None
+    text = toy_urdf(weighs=lambda n, mass: None if lighter and n == old else mass)
+    text = text if lighter else text.replace(old, new, 1)
+    with pytest.raises(
+        RobotFileError, match=f"no mirror image: that which .*({words})"
+    ):
+        load_with_findings(write(tmp_path, text, "toy.urdf"))
+
+
+def test_a_robot_whose_legs_have_no_yaw_is_said_not_to_turn():
+    found = find(Builder(Toy(hip=("roll", "pitch"))).model(), "toy")
+    (row,) = (row for row in found.evidence if row[0] == "turning")
+    assert row[1:] == ("it will not turn", "no joint of its legs is about the vertical")
 
 
 def test_a_fixed_base_is_an_arm():

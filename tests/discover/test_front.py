@@ -91,6 +91,19 @@ def test_names_outvote_knees_alone(tmp_path, turned):
     assert "knees -0.7" in why and "forward in a profile settles it" in why
 
 
+ROLLS = {"left_roll": "l_hip_r", "right_roll": "r_hip_r", "left": "l", "right": "r"}
+"""Names in which an r is for roll, or for right."""
+
+
+def test_a_word_that_both_legs_have_names_no_side(tmp_path):
+    found = found_in(tmp_path, renamed(changed(toy(), BACKWARD), ROLLS))
+    np.testing.assert_allclose(found.forward, [1, 0, 0], atol=1e-6)
+    assert all(joint.startswith("l_") for joint in found.left.joints)
+    assert "l_hip_r" in found.left.joints
+    ((how, _),) = front(found)
+    assert how == "by the names of left and right"
+
+
 def test_knees_count_where_names_say_nothing(tmp_path):
     text = renamed(changed(toy(), BACKWARD), {"left": "a", "right": "b"})
     with pytest.raises(RobotFileError, match="front and back look alike"):

@@ -379,6 +379,15 @@ def test_ranges_in_radians_that_are_taken_for_degrees_are_doubted(tmp_path):
     assert "radian" not in load(tmp_path, text.replace("<worldbody>", compiler))[2]
 
 
+def test_ranges_in_degrees_that_are_taken_for_radians_are_doubted(tmp_path):
+    text = mjcf().replace("<worldbody>", '<compiler angle="radian"/><worldbody>')
+    notes = load(tmp_path, text)[2]
+    assert 'beyond 12.6 rad: is <compiler angle="degree"/> missing?' in notes
+    for degrees, radians in DEGREES:
+        text = text.replace(degrees, radians)
+    assert "degree" not in load(tmp_path, text)[2]
+
+
 def test_a_robot_that_touches_by_pairs_alone_is_said_to(tmp_path):
     text = mjcf(world=WORLD).replace("<geom ", '<geom contype="0" conaffinity="0" ')
     end = '<contact><pair geom1="floor" geom2="left_sole"/></contact></mujoco>'
@@ -711,6 +720,7 @@ def test_massless_links_weigh_nothing_or_next_to_nothing(tmp_path):
     more += ['<link name="frame"/>', joint("turn", "shin", "frame", "continuous")]
     _, model, notes = load(tmp_path, urdf(*more), "toy.urdf")
     assert model.body("sole").mass[0] == 0.0
+    assert "1 link (sole) with <collision> and without <inertial>: without" in notes
     assert "1 moving body (frame) without mass" in notes
     assert model.body_mass.sum() == pytest.approx(3.001)
 

@@ -48,6 +48,7 @@ from gaitchain.discover.profile import Profile
 from gaitchain.discover.ranges import is_narrowed, joint_range, own_range
 from gaitchain.discover.repair import BALLAST_KG
 from gaitchain.discover.servos import read_servos
+from gaitchain.discover.shapes import VISUAL, ground_geoms
 from gaitchain.discover.sole import check_sole, sole_of
 from gaitchain.discover.springs import spring_rows
 from gaitchain.discover.stance import LegPlan, stand
@@ -237,6 +238,7 @@ def _assemble(
     pose, height = stand(robot, plans, rest, answers.hip_height)
     left, right = (plan.found for plan in plans)
     rows.extend(_leg_rows(robot, plans) + _turning_rows(robot, plans))
+    rows.extend(_contact_rows(robot, plans))
     rows.extend(_range_rows(robot, plans))
     share = (height - plans[0].below) / plans[0].straight
     rows.append(("stand", f"hips at {height:.3f} m, {share:.2f} of the leg", source))
@@ -286,17 +288,31 @@ def _passive_of(robot: PinnedRobot, plan: LegPlan) -> list[int]:
 
 
 def _turning_rows(robot: PinnedRobot, plans: tuple[LegPlan, LegPlan]) -> Rows:
-    """Say of a standing robot that held joints could turn it, and no others."""
+    """Say of a standing robot that none of its servos could turn it, and why."""
     driven = [joint for plan in plans for joint in plan.joints]
     idle = [joint for plan in plans for joint in _passive_of(robot, plan)]
     turning, held = (
         [joint for joint in joints if abs(robot.axis(joint)[2]) > YAW]
         for joints in (driven, idle)
     )
-    if turning or not held:
+    if turning:
         return []
     why = "; ".join(why_idle(robot, joint) for joint in held)
-    return [("turning", "it will not turn", f"held: {why}")]
+    why = f"held: {why}" if held else "no joint of its legs is about the vertical"
+    return [("turning", "it will not turn", why)]
+
+
+def _contact_rows(robot: PinnedRobot, plans: tuple[LegPlan, LegPlan]) -> Rows:
+    """Say which soles are drawn alone: in the file's own model they hit nothing."""
+    bare, model = list[str](), robot.model
+    for sole in (plan.found.sole for plan in plans):
+        bodies = set(model.geom_bodyid[list(sole.geoms)].tolist())
+        if sole.geoms and ground_geoms(model, bodies)[1] == VISUAL:
+            bare.append(sole.body)
+    if not bare:
+        return []
+    why = "none of its shapes collides, so the file's own model sinks into the floor"
+    return [("contact", f"none of {' and '.join(bare)}", why)]
 
 
 def _range_rows(robot: PinnedRobot, plans: tuple[LegPlan, LegPlan]) -> Rows:

@@ -19,6 +19,9 @@ _WEIGHT = (0.0, 0.0, -GRAVITY)
 _FREE, _SLIDE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_SLIDE
 _HINGE, _BALL = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_BALL
 _TURN = 2.0 * np.pi  # of a joint's range in radians, at most
+WIDEST = 4.0 * np.pi
+"""End of the range of a hinge that turns more than once [rad]; not of one of a leg."""
+_MOST_DEG = 360.0  # of a range in degrees; beyond it stand for none
 _NQ = {_FREE: 7, _BALL: 4}
 _EULER = mujoco.mjtOrientation.mjORIENTATION_EULER
 _AXISANGLE = mujoco.mjtOrientation.mjORIENTATION_AXISANGLE
@@ -294,6 +297,20 @@ def _doubt_degrees(items: list[Any]) -> list[str]:
         Doubt(
             f"The ranges of its hinges end at most {widest:.1f} deg from 0: is "
             '<compiler angle="radian"/> missing?'
+        )
+    ]
+
+
+def doubt_radians(spec: Any) -> list[str]:
+    """Doubt ranges in radians that no hinge needs, and one in degrees may."""
+    hinges = [j for j in spec.joints if j.type == _HINGE and not j.compiler.degree]
+    wide = [j.name for j in hinges if WIDEST < np.abs(j.range).max() <= _MOST_DEG]
+    if not wide:
+        return []
+    return [
+        Doubt(
+            f"Ranges of {listed('joint', wide)} beyond {WIDEST:.3g} rad: is "
+            '<compiler angle="degree"/> missing?'
         )
     ]
 

@@ -1,6 +1,7 @@
 """A leg's joints, knee, ankle and foot, and which way the robot faces by them."""
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
@@ -347,18 +348,26 @@ def _doubt_front(
 
 
 def _side_by_names(robot: PinnedRobot, legs: list[LegParts]) -> float:
-    """Return 1 if names call the first of two legs the left one, -1 the right, or 0."""
-    first, second = (_side(robot, leg) for leg in legs)
-    return first if first == -second else 0.0
+    """Return 1 if names call the first of two legs the left one, -1 the right, or 0.
+
+    Words that both legs have say nothing: an "r" may be for roll.
+    """
+    first, second = (_words(robot, leg) for leg in legs)
+    way = _side(first - second)
+    return way if way == -_side(second - first) else 0.0
 
 
-def _side(robot: PinnedRobot, leg: LegParts) -> float:
-    """Return 1 for a leg whose names all say left, -1 for right, 0 for neither."""
-    model, found = robot.model, set[float]()
+def _words(robot: PinnedRobot, leg: LegParts) -> Counter[str]:
+    """Return the words of which a leg's joints and bodies are named."""
+    model, names = robot.model, list[str]()
     for joint in leg.joints:
-        body = model.body(model.jnt_bodyid[joint]).name
-        for word in _WORD.findall(f"{model.joint(joint).name} {body}"):
-            found |= {way for way, words in _SIDES if word.lower() in words}
+        names += model.joint(joint).name, model.body(model.jnt_bodyid[joint]).name
+    return Counter(word.lower() for name in names for word in _WORD.findall(name))
+
+
+def _side(words: Counter[str]) -> float:
+    """Return 1 for words that all say left, -1 for right, 0 for neither."""
+    found = {way for way, sides in _SIDES if not words.keys().isdisjoint(sides)}
     return found.pop() if len(found) == 1 else 0.0
 
 

@@ -264,14 +264,25 @@ def _alike(robot: PinnedRobot, one: Limb, other: Limb, slides: bool = False) -> 
     all_hinges = all(robot.model.jnt_type[j] == HINGE for j in own[0] + own[1])
     if not (_LIMB_JOINTS <= len(own[0]) == len(own[1]) and (slides or all_hinges)):
         return False
+    return not _difference(robot, one, other)
+
+
+def _difference(robot: PinnedRobot, one: Limb, other: Limb) -> str:
+    """Say in what two limbs with as many joints differ; empty if in nothing."""
+    shared = shared_links(one, other)
     masses = [robot.model.body_subtreemass[limb.links[shared]] for limb in (one, other)]
     if abs(masses[0] - masses[1]) > _LIKE_MASS * max(masses):
-        return False
+        return "weighs {1:.3g} kg, not {0:.3g}".format(*masses)
     robot.place(robot.neutral)
     spans = [_spans(robot, limb, shared) for limb in (one, other)]
     limit = _LIKE_LENGTH * float(spans[0].sum())
-    lengths = np.abs(spans[0] - spans[1]).max() < limit
-    return bool(lengths and abs(one.depth - other.depth) < 2.0 * limit)
+    most = int(np.argmax(np.abs(spans[0] - spans[1])))
+    if abs(spans[0][most] - spans[1][most]) >= limit:
+        far = f"{spans[1][most]:.3f} m beyond its joint {most + 1}"
+        return f"reaches {far}, not {spans[0][most]:.3f}"
+    if abs(one.depth - other.depth) >= 2.0 * limit:
+        return "is bent otherwise in the file's pose, within the ranges of its joints"
+    return ""
 
 
 def _spans(robot: PinnedRobot, limb: Limb, shared: int) -> Array:
@@ -298,13 +309,29 @@ def _unpaired(robot: PinnedRobot, limbs: list[Limb], ground: float) -> UnfitErro
     elif long[0].depth > ground:
         reason = "no legs: no limb reaches below the base"
     else:
-        end = robot.model.body(long[0].links[-1]).name or "an unnamed body"
         reason = (
-            f"the limb that reaches lowest ends in {end} and has no mirror image: an "
-            "arm or a single leg"
+            f"the limb that reaches lowest ends in {_end(robot, long[0])} and has no "
+            f"mirror image{_nearest(robot, long)}"
         )
     reason += "; legs are two mirrored limbs with 5 to 7 hinges each"
     return UnfitError(reason, _LEGS_OR_UP)
+
+
+def _nearest(robot: PinnedRobot, limbs: list[Limb]) -> str:
+    """Say why the limb that is most like the first one is no mirror image of it."""
+    first = limbs[0]
+    for other in limbs[1:]:
+        shared = shared_links(first, other)
+        own = [own_joints(robot, limb, shared) for limb in (first, other)]
+        slides = any(robot.model.jnt_type[j] != HINGE for j in own[0] + own[1])
+        why = "has a slide" if slides else _difference(robot, first, other)
+        if len(own[0]) == len(own[1]) and why:
+            return f": that which ends in {_end(robot, other)} {why}"
+    return ": an arm or a single leg"
+
+
+def _end(robot: PinnedRobot, limb: Limb) -> str:
+    return robot.model.body(limb.links[-1]).name or "an unnamed body"
 
 
 def _refuse_more_legs(

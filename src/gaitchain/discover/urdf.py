@@ -9,6 +9,7 @@ from typing import Any
 
 import mujoco
 
+from gaitchain.discover.isolate import WIDEST
 from gaitchain.discover.notes import Doubt, listed
 from gaitchain.discover.urdf_meshes import find_meshes
 from gaitchain.errors import RobotFileError
@@ -17,7 +18,6 @@ _JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _MIMICS = ("revolute", "continuous", "prismatic")
 _MAX_LINKS = 2_000
 _SHOWN = 3
-_WIDEST = 4.0 * math.pi  # limit of a hinge that turns more than once [rad]
 _TURN = 360.0  # of a limit in degrees; beyond it stand for none
 
 
@@ -42,7 +42,7 @@ def read_urdf(root: ET.Element, path: Path) -> tuple[Any, list[str]]:
             root.remove(child)  # what simulators and controllers add
     for shape in (*root.iterfind("link/visual"), *root.iterfind("link/collision")):
         shape.attrib.pop("name", None)  # often given twice, which MuJoCo complains of
-    notes = _check_tree(root) + _drop_empty_shapes(root)
+    notes = _check_tree(root) + _drop_empty_shapes(root) + _doubt_massless(root)
     found, converted = find_meshes(root, _folders_of(path), meshdir)
     notes += found
     for material in root.iter("material"):
@@ -185,6 +185,19 @@ def _drop_empty_shapes(root: ET.Element) -> list[str]:
     return [Doubt(f"Shapes without a size left out of {where}.")]
 
 
+def _doubt_massless(root: ET.Element) -> list[str]:
+    """Doubt links that may touch something, and weigh nothing."""
+    links = [
+        link.get("name", "")
+        for link in root.findall("link")
+        if link.find("collision") is not None and link.find("inertial") is None
+    ]
+    if not links:
+        return []
+    what = f"{listed('link', links)} with <collision> and without <inertial>"
+    return [Doubt(f"{what}: without mass, as nothing says how much.")]
+
+
 def _is_empty(solid: ET.Element) -> bool:
     sizes = " ".join(solid.get(key, "") for key in ("size", "radius", "length"))
     try:
@@ -211,7 +224,7 @@ def _joint_notes(root: ET.Element) -> list[str]:
     notes = [f"{listed(what, names)} {how}." for names, what, how in groups if names]
     wide = [j.get("name", "") for j in joints if _in_degrees(j)]
     if wide:
-        how = f"beyond {_WIDEST:.3g} rad: are they in degrees? A URDF has radians"
+        how = f"beyond {WIDEST:.3g} rad: are they in degrees? A URDF has radians"
         notes.append(Doubt(f"Limits of {listed('joint', wide)} {how}."))
     return notes
 
@@ -224,7 +237,7 @@ def _turned_round(joint: ET.Element) -> bool:
 def _in_degrees(joint: ET.Element) -> bool:
     """Whether a limit is none of a hinge in radians, but may be one in degrees."""
     widest = max(map(abs, _limits(joint)))
-    return joint.get("type") == "revolute" and _WIDEST < widest <= _TURN
+    return joint.get("type") == "revolute" and WIDEST < widest <= _TURN
 
 
 def _limits(joint: ET.Element) -> tuple[float, float]:

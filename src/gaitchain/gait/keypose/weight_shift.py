@@ -61,7 +61,7 @@ def weight_shift(robot: Robot, allowed: float, step_s: float) -> WeightShift:
         raise UnreachableError(
             f"{robot.name}: its joints allow {math.degrees(allowed):.1f} deg of sway, "
             f"{need:.1f} deg bring the CoM over one sole; wider soles, narrower hips "
-            "or a hip that rolls further would do, or preset 'brisk'"
+            "or hips and ankles that roll further would do, or preset 'brisk'"
         )
     omega = math.sqrt(GRAVITY / (height + robot.reduced.ankle_height))
     time_s = math.sqrt(12.0 * share / (1.0 + _EDGE * wide - share)) / omega
