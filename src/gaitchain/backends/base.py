@@ -28,9 +28,9 @@ def joint_angles(position: object, count: int) -> Array:
     """
     try:
         angles = np.asarray(position, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):  # a whole number may be too large
         raise CommandError(
-            f"joint angles {position!r:.80} hold no numbers, needs {count} [rad]"
+            f"joint angles {position!r:.80}: need {count} finite numbers [rad]"
         ) from None
     if angles.shape != (count,):
         size = f"{angles.size} values" if angles.ndim == 1 else f"shape {angles.shape}"

@@ -1,12 +1,10 @@
 """A backend with perfect tracking: the plan without physics."""
 
-import math
-from numbers import Real
-
 import numpy as np
 
 from gaitchain.backends.base import TORQUE_UNIT, LinkHealth, joint_angles
-from gaitchain.errors import BackendError, CommandError
+from gaitchain.errors import BackendError
+from gaitchain.gait.limits import check_period
 from gaitchain.messages import GRAVITY, Array, Sensors
 
 
@@ -23,7 +21,7 @@ class MockBackend:
         Raises:
             CommandError: it is none.
         """
-        _check_period(period_s)
+        check_period(period_s)
         self._period_s = period_s
         self._ticks = 0
         self._position: Array = np.zeros(0)
@@ -87,10 +85,3 @@ class MockBackend:
 
     def close(self) -> None:
         """Do nothing: there is no connection."""
-
-
-def _check_period(period_s: object) -> None:
-    if not isinstance(period_s, Real) or not 0.0 < float(period_s) < math.inf:
-        raise CommandError(
-            f"control period {period_s!r:.80}: need seconds above 0, as 0.01"
-        )

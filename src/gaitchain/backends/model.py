@@ -92,9 +92,10 @@ class ModelBackend(SimulatedMotors):
                 have.
 
         Raises:
-            CommandError: a joint, its actuator, the free joint, the floor or the IMU
-                is missing, or the period does not fit.
+            CommandError: the model or the library is none, a joint, its actuator, the
+                free joint, the floor or the IMU is missing, or the period does not fit.
         """
+        _check_kinds(model, library)
         self.model = copy.copy(model)
         self.data = mujoco.MjData(self.model)
         self._substeps = count_steps(period_s, float(model.opt.timestep))
@@ -302,6 +303,20 @@ class ModelBackend(SimulatedMotors):
         return Servo(stiffness, max(damping, 0.0), own.limit)
 
 
+def _check_kinds(model: object, library: object) -> None:
+    """Refuse what is no model, or has no robot."""
+    if not isinstance(model, mujoco.MjModel):
+        raise CommandError(
+            f"model {model!r:.80}: give a mujoco.MjModel, such as "
+            "mujoco.MjModel.from_xml_path('scene.xml')"
+        )
+    if not isinstance(getattr(library, "robot", None), Robot):
+        raise CommandError(
+            f"{library!r:.80} is no gait library; give one, as load_library(path) "
+            "returns, not its robot alone"
+        )
+
+
 def _with_gain(legs: LegModel, gain: float) -> LegModel:
     """Return legs whose servos have a part of their stiffness and damping."""
     servos = gain * (legs.damping - legs.joint_damping)
@@ -375,7 +390,7 @@ def _collide(model: Any, one: int, other: int) -> bool:
 
 def _imu_at(model: Any, site: str) -> tuple[int, int, int]:
     """Return the site, and the addresses of gyro and accelerometer in `sensordata`."""
-    index = mujoco.mj_name2id(model, _SITE, site)
+    index = mujoco.mj_name2id(model, _SITE, site) if isinstance(site, str) else -1
     found = [
         int(model.sensor_adr[s])
         for kind in _IMU

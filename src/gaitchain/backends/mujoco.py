@@ -16,8 +16,9 @@ from gaitchain.backends.base import (
     numbers,
 )
 from gaitchain.errors import CommandError
+from gaitchain.gait.limits import check_period
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Sensors
-from gaitchain.robot.robot import Robot
+from gaitchain.robot.robot import Robot, given_robot
 from gaitchain.sim.model import build_model
 from gaitchain.sim.outside_forces import OutsideForces
 from gaitchain.sim.push import Push
@@ -82,12 +83,12 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
             period_s: control period, a whole number of the world's time steps [s].
 
         Raises:
-            CommandError: the control period is no whole number of time steps, the robot
-                has no body that is to be pushed, or the world doubts what was not
-                identified.
+            CommandError: the robot is none, the control period is no whole number of
+                time steps, the robot has no body that is to be pushed, or the world
+                doubts what was not identified.
         """
         world = world or World()
-        robot = likely_robot(robot, world)
+        robot = likely_robot(given_robot(robot, CommandError), world)
         self.world = world_of(robot, world)
         self._substeps = count_steps(period_s, self.world.timestep)
         known = robot.identified is not None
@@ -308,8 +309,9 @@ def count_steps(period_s: float, timestep: float) -> int:
     """Return how many time steps make a control period.
 
     Raises:
-        CommandError: it is no whole number of them.
+        CommandError: it is none, or no whole number of them.
     """
+    check_period(period_s)
     steps = round(period_s / timestep)
     if steps < 1 or not math.isclose(steps * timestep, period_s, rel_tol=SAME_PERIOD):
         raise CommandError(

@@ -26,13 +26,13 @@ from gaitchain.chain.pruning import independent_gaits, pose_distances, prune
 from gaitchain.chain.sampling import Mask
 from gaitchain.chain.training import train_batch, train_by_cost, train_sequential
 from gaitchain.discover.loaded_robot import load_robot
-from gaitchain.errors import ChainError, LibraryError
+from gaitchain.errors import ChainError, CommandError, LibraryError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.family import GaitPoses
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.qualification import GateReport
-from gaitchain.robot.robot import Robot
+from gaitchain.robot.robot import Robot, given_robot
 
 _AHEAD = 1  # among the ends of a range
 _HELD = 0.6  # part of the speeds of single steps that walks are to hold
@@ -90,8 +90,11 @@ def build_library(
         LibraryError: nor can it be built with the other servos.
         GaitchainError: the robot, the preset or a number is not usable.
     """
+    _check_config(config)
     crew = Crew(workers, progress or (lambda stage, done, total: None))
-    robot = robot or load_robot(config.robot, config.profile)
+    if robot is None:
+        robot = load_robot(config.robot, config.profile)
+    robot = given_robot(robot, CommandError)
     if config.servo_gain is not None:
         return _build(config, robot.with_servo_gain(config.servo_gain), crew)
     try:
@@ -101,6 +104,14 @@ def build_library(
             raise
         first, gain = none, none.servo_gain * robot.servo_gain
     return _build_again(config, robot.with_servo_gain(gain), crew, first)
+
+
+def _check_config(config: object) -> None:
+    if not isinstance(config, BuildConfig):
+        raise CommandError(
+            f"{config!r:.80} is no configuration of a build; give "
+            "BuildConfig(robot='res')"
+        )
 
 
 def _build_again(

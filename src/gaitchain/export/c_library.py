@@ -31,7 +31,7 @@ from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.walker.stride_gait import StrideGait
 from gaitchain.walker.stride_generator import StrideGenerator
 from gaitchain.walker.stride_setup import make_walk
-from gaitchain.walker.walker import check_period
+from gaitchain.walker.walker import check_step_period
 
 HEADER, CODE, DEMO = "gait.h", "gait.c", "demo.c"
 
@@ -63,8 +63,8 @@ def export_c(
         CommandError: the control period is too long for the steps, or none.
     """
     _check(library)
+    check_step_period(period_s, library)
     period_s = float(period_s)  # NumPy's own float is written otherwise
-    check_period(period_s, library)
     poses = library.poses_as(StridePoses)
     walk = make_walk(poses, library.timing, period_s)
     facts = _facts(library, walk) | {"period_s": literal(period_s)}

@@ -27,7 +27,7 @@ from gaitchain.gait.motion import Timing
 from gaitchain.gait.qualification import GridVerdict, Qualification
 from gaitchain.gait.slide import Slide, Slides
 from gaitchain.robot.compare import differences, differences_that_matter
-from gaitchain.robot.robot import Robot
+from gaitchain.robot.robot import Robot, given_robot
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 from gaitchain.robot.whole_file import given_path, read_file, replace_file
 
@@ -77,9 +77,11 @@ def save_library(library: GaitLibrary, path: str | Path) -> int:
         Size of the file [bytes].
 
     Raises:
-        LibraryError: the file cannot be written.
+        LibraryError: the library is none, or the file cannot be written.
     """
-    data, path = library_bytes(library), Path(path)
+    check_library(library)
+    path = given_path(path, "a library", LibraryError)
+    data = library_bytes(library)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         replace_file(path, data)
@@ -147,6 +149,19 @@ def parse_library(data: bytes, origin: str) -> GaitLibrary:
     return library
 
 
+def check_library(library: object) -> None:
+    """Refuse what is no library.
+
+    Raises:
+        LibraryError: it is none.
+    """
+    if not isinstance(library, GaitLibrary):
+        raise LibraryError(
+            f"{library!r:.80} is no gait library; read one from its file, by "
+            "Walker.load(path) or load_library(path); a walker's is walker.library"
+        )
+
+
 def check_robot(library: GaitLibrary, robot: Robot, origin: str = "library") -> None:
     """Refuse a library that was built for another robot.
 
@@ -154,8 +169,9 @@ def check_robot(library: GaitLibrary, robot: Robot, origin: str = "library") -> 
     warning alone (`compare.differences_that_matter`).
 
     Raises:
-        LibraryError: the robots differ; the message names the differences.
+        LibraryError: the robots differ, by what the message names, or one is none.
     """
+    robot = given_robot(robot, LibraryError)
     own, other = library.robot.in_file, robot.in_file
     found = differences_that_matter(own, other)
     if not found:

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from numbers import Integral, Real
-from typing import Any, cast, get_type_hints
+from typing import Any, TypeGuard, cast, get_type_hints
 
 from gaitchain.errors import CommandError
 
@@ -33,20 +33,34 @@ class Limits:
             return False
         # Itself, because as a double it may be rounded past an end, or be too large.
         number = cast(Any, value)
-        return bool(self.low <= number <= self.high) and (self.whole or _fits(number))
+        return bool(self.low <= number <= self.high) and (self.whole or is_real(number))
 
     def plain(self, number: Any) -> int | float:
         """Return a number within the limits as Python's own, which JSON takes."""
         return int(number) if self.whole else float(number)
 
 
-def _fits(number: Any) -> bool:
-    """Whether a number is not too large for a double."""
+def is_real(value: object) -> TypeGuard[float]:
+    """Return whether a value is a number, NaN too, and not too large for a double."""
+    if not isinstance(value, Real):
+        return False
     try:
-        float(number)
+        float(value)
     except OverflowError:
         return False
     return True
+
+
+def check_period(period_s: object) -> None:
+    """Refuse a control period that is none.
+
+    Raises:
+        CommandError: it is no finite number above 0.
+    """
+    if not is_real(period_s) or not 0.0 < period_s < math.inf:
+        raise CommandError(
+            f"control period {period_s!r:.80}: need seconds above 0, as 0.01"
+        )
 
 
 def exact(number: float) -> str:

@@ -32,16 +32,17 @@ class JointMap:
             signs: -1 for each joint whose positive direction is opposite.
 
         Raises:
-            CommandError: a name is unknown, repeated or missing, or a sign is neither
-                1 nor -1.
+            CommandError: the names are no list or the signs no table, a name is
+                unknown, repeated or missing, or a sign is neither 1 nor -1.
         """
         legs, held = model.joint_names, model.held
-        names = tuple(legs if joint_names is None else joint_names)
+        names = _given_names(legs if joint_names is None else joint_names)
+        signs = given_signs(signs)
         _check_names(names, legs, held)
-        _check_signs(signs or {}, names)
+        _check_signs(signs, names)
         self.joint_names = names
         """The robot's joints in its own order."""
-        sign = np.array([float((signs or {}).get(name, 1)) for name in names])
+        sign = np.array([float(signs.get(name, 1)) for name in names])
         self._rows = np.array([names.index(name) for name in legs])
         self._signs = sign[self._rows]
         self._still = sign * [held.get(name, 0.0) for name in names]
@@ -75,13 +76,36 @@ class JointMap:
         return MotorTargets(position, *others)
 
 
+def given_signs(signs: object) -> Mapping[str, int]:
+    """Return what was given as the signs of joints; none by default.
+
+    Raises:
+        CommandError: they do not go by the joints' names.
+    """
+    if signs is None:
+        return {}
+    if not isinstance(signs, Mapping):
+        raise CommandError(
+            f"signs {signs!r:.80}: give a dict by name, such as {{'left_knee': -1}}"
+        )
+    return signs
+
+
+def _given_names(names: object) -> tuple[str, ...]:
+    if isinstance(names, str) or not isinstance(names, Iterable):
+        raise CommandError(
+            f"joint_names {names!r:.80}: give a list of names, such as ['left_knee']"
+        )
+    return tuple(names)
+
+
 def _check_names(
     names: Sequence[str], legs: Sequence[str], held: Iterable[str]
 ) -> None:
     known = [*legs, *held]
     for name in names:
-        if name not in known:
-            near = difflib.get_close_matches(name, known, n=_NEAR) or list(legs)
+        if not isinstance(name, str) or name not in known:
+            near = difflib.get_close_matches(str(name), known, n=_NEAR) or list(legs)
             raise CommandError(
                 f"joint_names: {name!r} is no joint of the library's robot; near: "
                 f"{', '.join(near)}"
@@ -100,7 +124,7 @@ def _check_names(
 def _check_signs(signs: Mapping[str, int], names: Sequence[str]) -> None:
     for name, sign in signs.items():
         if name not in names:
-            near = difflib.get_close_matches(name, names, n=_NEAR) or list(names)
+            near = difflib.get_close_matches(str(name), names, n=_NEAR) or list(names)
             raise CommandError(
                 f"signs: {name!r} is not among the joints; near: {', '.join(near)}"
             )

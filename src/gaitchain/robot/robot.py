@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gaitchain.errors import GaitchainError
 from gaitchain.messages import Array
 from gaitchain.robot.identified import Identified
 from gaitchain.robot.leg_model import DECIMALS, LegModel
@@ -103,6 +104,24 @@ class Robot:
             own += json.dumps(self.identified.facts(), sort_keys=True)
         numbers = f"{digits}{own}"
         return hashlib.sha256(numbers.encode()).hexdigest()[:16]
+
+
+def given_robot(robot: object, kind: type[GaitchainError]) -> Robot:
+    """Return what was given as a robot.
+
+    Args:
+        robot: what was given.
+        kind: the error to raise.
+
+    Raises:
+        GaitchainError: of that kind, where it is none.
+    """
+    if isinstance(robot, Robot):
+        return robot
+    raise kind(
+        f"{robot!r:.80} is no robot; give a Robot, as load_robot returns, or a "
+        "library's, library.robot"
+    )
 
 
 def _with_servos(

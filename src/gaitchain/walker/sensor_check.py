@@ -7,12 +7,14 @@ is a single sample of the gyro that is far from those around it.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from numbers import Real
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from gaitchain.errors import CommandError
+from gaitchain.gait.limits import is_real
 from gaitchain.messages import Array, Sensors
 
 ABSURD = 1000.0
@@ -80,7 +82,7 @@ class SensorCheck:
             if value is None and name == "foot_load":
                 continue
             try:
-                found = np.array(value, dtype=np.float64).shape
+                found = np.array(_in_doubles(value), dtype=np.float64).shape
             except (TypeError, ValueError):
                 return CommandError(f"sensors: {name} holds no numbers: {value!r:.80}")
             if found != shape:
@@ -94,9 +96,27 @@ class SensorCheck:
 def in_arrays(sensors: Sensors) -> Sensors:
     """Return the same measurements in new arrays, of whatever size.
 
+    A whole number that is too large for a double becomes NaN.
+
     Raises:
         TypeError, ValueError: they are no numbers.
     """
+    try:
+        return _converted(sensors)
+    except OverflowError:
+        held = {name: _in_doubles(value) for name, value in vars(sensors).items()}
+        return _converted(Sensors(**held))
+
+
+def _in_double(value: object) -> object:
+    """Return NaN for a number that is too large for a double, else the value."""
+    return math.nan if isinstance(value, Real) and not is_real(value) else value
+
+
+_in_doubles = np.frompyfunc(_in_double, 1, 1)
+
+
+def _converted(sensors: Sensors) -> Sensors:
     load = sensors.foot_load
     return Sensors(
         float(sensors.time),

@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from numbers import Real
 from pathlib import Path
 from typing import Any, get_args
 
@@ -15,7 +14,8 @@ from gaitchain.errors import CommandError, LibraryError
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.keypose.family import KEY_POSES
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.library_file import load_library
+from gaitchain.gait.library_file import check_library, load_library
+from gaitchain.gait.limits import check_period, is_real
 from gaitchain.gait.stride.family import STRIDES
 from gaitchain.messages import (
     CONTROL_PERIOD_S,
@@ -25,7 +25,7 @@ from gaitchain.messages import (
     JointTargets,
     Sensors,
 )
-from gaitchain.robot.joint_map import JointMap
+from gaitchain.robot.joint_map import JointMap, given_signs
 from gaitchain.robot.robot import Robot
 from gaitchain.walker.footsteps import Footstep
 from gaitchain.walker.generator import Decision
@@ -85,11 +85,12 @@ class Walker:
         Raises:
             LibraryError: the library is not qualified, or none.
             CommandError: a joint's name is unknown, or its sign is not 1 or -1; the
-                policy is none, or the control period is too long for the steps.
+                policy is none, or the control period is none or too long for the steps.
         """
-        _check_library(library)
+        check_library(library)
         _check_policy(policy)
-        check_period(period_s, library)
+        check_step_period(period_s, library)
+        signs = given_signs(signs)
         if require_qualified and not library.qualified:
             raise LibraryError(
                 f"the library for {library.robot.name} is not qualified: physics has "
@@ -237,8 +238,8 @@ class Walker:
         Raises:
             CommandError: the library is of key poses, which do not measure where the
                 robot is, or the place is not finite, further than 1 km away, or in
-                a direction that the range of its commands lacks, or the crouch is no
-                depth.
+                a direction that the range of its commands lacks, nothing is so near,
+                or the crouch is no depth.
         """
         here = self.place
         if here is None:
@@ -246,10 +247,8 @@ class Walker:
                 "go_to: key poses do not measure where the robot is; it needs a "
                 "library of strides, as preset 'brisk' builds"
             )
-        if not isinstance(crouch, Real) or not 0.0 <= crouch < math.inf:
-            raise CommandError(f"crouch {crouch!r}: need 0 or more [m], as 0.01")
-        if not isinstance(near, Near | None):
-            raise CommandError(f"near {near!r}: give Near(distance, turn), or None")
+        if not is_real(crouch) or not 0.0 <= crouch < math.inf:
+            raise CommandError(f"crouch {crouch!r:.80}: need 0 or more [m], as 0.01")
         way = Way.of(self.library, goal, near, crouch)
         check_way(here, goal, self.command_range, way.near)
         self._way = way
@@ -456,18 +455,12 @@ def _check_command(command: object) -> None:
     """Refuse what no walk can be asked for; NaN is a number, and stops."""
     such = "give one such as Command(vx=0.2)"
     if not isinstance(command, Command):
-        raise CommandError(f"{command!r} is no command; {such}")
+        raise CommandError(f"{command!r:.80} is no command; {such}")
     for name, value in vars(command).items():
-        if not isinstance(value, Real):
-            raise CommandError(f"{name} is {value!r}, no number; {such}")
-
-
-def _check_library(library: object) -> None:
-    if not isinstance(library, GaitLibrary):
-        raise LibraryError(
-            f"{library!r:.80} is no gait library; read one from its file, by "
-            "Walker.load(path) or load_library(path)"
-        )
+        if not is_real(value):
+            raise CommandError(
+                f"{name} is {value!r:.80}, no number of a float's size; {such}"
+            )
 
 
 def _check_policy(policy: str) -> None:
@@ -476,14 +469,15 @@ def _check_policy(policy: str) -> None:
         raise CommandError(f"policy {policy!r}: it must be {' or '.join(known)}")
 
 
-def check_period(period_s: float, library: GaitLibrary) -> None:
+def check_step_period(period_s: float, library: GaitLibrary) -> None:
     """Refuse a period in which a swing foot goes up, or down, in less than two.
 
     Raises:
         CommandError: the control period is too long for the steps, or none.
     """
+    check_period(period_s)
     most = 0.5 * min(library.timing.rise, library.timing.fall)
-    if not 0.0 < period_s <= most:
+    if period_s > most:
         raise CommandError(
             f"control period {period_s:g} s: for steps of {library.timing.step:.3g} s "
             f"it must be above 0 and at most {most:.3g} s"

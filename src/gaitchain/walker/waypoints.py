@@ -6,12 +6,12 @@ camera or map is needed, and what is measured wrong adds up.
 
 import math
 from dataclasses import replace
-from numbers import Real
 from typing import NamedTuple, Self
 
 from gaitchain.errors import CommandError
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.limits import is_real
 from gaitchain.messages import Command
 
 
@@ -70,7 +70,7 @@ def check_place(place: Place, name: str = "goal") -> None:
     """
     if not isinstance(place, Place):
         raise CommandError(f"{name} {place!r}: give a Place, such as Place(1.0, 0.5)")
-    if not all(isinstance(n, Real) and abs(n) <= _FURTHEST_M for n in place):
+    if not all(is_real(n) and abs(n) <= _FURTHEST_M for n in place):
         raise CommandError(
             f"{name} {tuple(place)}: x, y and yaw must be numbers within "
             f"+-{_FURTHEST_M:g} m and rad"
@@ -88,6 +88,21 @@ class Near(NamedTuple):
     def holds(self, off: Place) -> bool:
         """Return whether an error, from `Place.seen_from`, is near enough."""
         return math.hypot(off.x, off.y) <= self.distance and abs(off.yaw) <= self.turn
+
+
+def check_near(near: Near) -> None:
+    """Refuse what no robot comes to, however near it is.
+
+    Raises:
+        CommandError: it is no `Near`, or not of numbers above 0.
+    """
+    if not isinstance(near, Near):
+        raise CommandError(f"near {near!r:.80}: give Near(distance, turn), or None")
+    if not all(is_real(most) and most > 0.0 for most in near):
+        raise CommandError(
+            f"near {tuple(near)!r:.80}: distance and turn must be numbers above 0 "
+            "[m, rad], as Near(0.01, 0.05)"
+        )
 
 
 def check_way(
@@ -147,9 +162,11 @@ class Way:
             crouch: hips lower by this on the way [m].
 
         Raises:
-            CommandError: there is no such place; see `check_place`.
+            CommandError: there is no such place, or nothing is so near; see
+                `check_place` and `check_near`.
         """
         check_place(goal)
+        check_near(near)
         self.goal, self.near = goal, near
         self._most, self._slow_s = most, slow_s
         self._slide, self._crouch = slide, crouch
@@ -165,7 +182,8 @@ class Way:
         crouch: float = 0.0,
     ) -> Self:
         """Set out for a place with a library of strides; see `Walker.go_to`."""
-        near = near or near_of(library.robot.reduced.leg_length)
+        if near is None:
+            near = near_of(library.robot.reduced.leg_length)
         slow_s, slide = _SLOW * library.timing.step, _SLOW * library.slides.steps.each
         return cls(goal, library.command_range, slow_s, near, slide, crouch)
 

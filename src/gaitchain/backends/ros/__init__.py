@@ -62,7 +62,7 @@ def check_link(spec: str) -> None:
 
 def _opener(spec: str, node: str) -> Callable[[], RosLink]:
     """Return what opens a link, once its name is checked."""
-    kind, _, endpoint = spec.partition(":")
+    kind, _, endpoint = spec.partition(":") if isinstance(spec, str) else [""] * 3
     if kind == "zenoh" and (endpoint or spec == "zenoh"):
         with needed_by("ROS 2 over Zenoh"):
             from gaitchain.backends.ros.zenoh_link import (
@@ -80,7 +80,8 @@ def _opener(spec: str, node: str) -> Callable[[], RosLink]:
         check_url(spec)
         return partial(RosbridgeLink, spec)
     raise CommandError(
-        f"no link to ROS is {spec!r}; zenoh, zenoh:tcp/HOST:7447 and ws://HOST:9090 are"
+        f"no link to ROS is {spec!r:.80}; zenoh, zenoh:tcp/HOST:7447 and "
+        "ws://HOST:9090 are"
     )
 
 
