@@ -218,8 +218,23 @@ def test_options_that_do_not_fit_are_refused(toy_library):
     model = model_of(toy())
     with pytest.raises(CommandError, match="no site 'head' with one gyro"):
         ModelBackend(model, toy_library, imu="head")
+    with pytest.raises(CommandError, match="no site 5 with one gyro"):
+        ModelBackend(model, toy_library, imu=5)
     with pytest.raises(CommandError, match=r"timestep is 0.002 s, must divide"):
         ModelBackend(model, toy_library, 0.0033)
+    for period_s in (np.nan, np.inf, None, "a"):
+        with pytest.raises(CommandError, match="need seconds above 0"):
+            ModelBackend(model, toy_library, period_s)
+
+
+def test_what_is_no_model_or_no_library_is_refused(toy_library):
+    model = model_of(toy())
+    for odd in ("scene.xml", mujoco.MjData(model), None):
+        with pytest.raises(CommandError, match=r"give a mujoco\.MjModel, such as"):
+            ModelBackend(odd, toy_library)
+    for odd in (toy_library.robot, "res", None):
+        with pytest.raises(CommandError, match="is no gait library; give one, as load"):
+            ModelBackend(model, odd)
 
 
 POSITION = r'<position joint="(\w+)" kp="300.0" kv="6" forcerange="-60 60"/>'

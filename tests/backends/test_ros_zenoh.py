@@ -12,7 +12,7 @@ import pytest
 from patience import PATIENCE_S
 from ros_peers import free_port, until, zenoh_router, zenoh_session
 
-from gaitchain.backends.ros import cdr, open_link
+from gaitchain.backends.ros import cdr, check_link, open_link
 from gaitchain.backends.ros.messages import Header, Time, Twist, TwistStamped, Vector3
 from gaitchain.backends.ros.zenoh_link import ZenohLink
 from gaitchain.errors import BackendError, CommandError, MissingExtraError
@@ -288,6 +288,8 @@ def test_spec_zenoh_takes_domain_and_endpoint(monkeypatch, endpoint, domain):
         ("", "zenoh:tcp/HOST:7447 and ws://HOST:9090"),
         ("zenoh:", "zenoh:tcp/HOST:7447 and ws://HOST:9090"),
         ("dds", "zenoh:tcp/HOST:7447 and ws://HOST:9090"),
+        (None, "no link to ROS is None; zenoh, zenoh:tcp/HOST:7447 and"),
+        (5, "no link to ROS is 5; zenoh"),
         ("http://host:9090", "ws://HOST:9090"),
         ("zenoh:host", "tcp/localhost:7447 works"),
         ("zenoh:tcp/host", "tcp/localhost:7447 works"),
@@ -297,8 +299,9 @@ def test_spec_zenoh_takes_domain_and_endpoint(monkeypatch, endpoint, domain):
     ],
 )
 def test_a_spec_that_is_none_names_what_works(spec, words):
-    with pytest.raises(CommandError, match=words):
-        open_link(spec)
+    for take in (check_link, open_link):
+        with pytest.raises(CommandError, match=words):
+            take(spec)
 
 
 @pytest.mark.parametrize("domain", ["lots", "-1", "233"])

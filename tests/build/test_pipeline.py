@@ -385,6 +385,14 @@ def test_unusable_configs_are_refused(changes):
         build_library(replace(TINY, **changes))
 
 
+def test_what_is_no_config_or_no_robot_is_not_built():
+    for odd in ("res", None):
+        with pytest.raises(CommandError, match=r"give BuildConfig\(robot='res'\)"):
+            build_library(odd)
+    with pytest.raises(CommandError, match="'res' is no robot; give a Robot"):
+        build_library(TINY, robot="res")
+
+
 @pytest.mark.parametrize("workers", [0, -3, 1.5, None])
 def test_a_build_without_processes_is_refused(workers):
     with pytest.raises(CommandError, match=f"workers is {workers}, must be 1 or more"):

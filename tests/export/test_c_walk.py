@@ -225,7 +225,7 @@ def test_a_period_of_numpy_is_written_as_a_number(shipped):
     assert "#define GAIT_PERIOD_S 0.008 " in header
 
 
-@pytest.mark.parametrize("period_s", [0.0, -0.01, np.nan, 0.5])
+@pytest.mark.parametrize("period_s", [0.0, -0.01, np.nan, 0.5, None])
 def test_a_period_that_no_walker_takes_is_refused(shipped, period_s):
     with pytest.raises(CommandError, match="control period"):
         export_c(shipped, period_s)

@@ -389,9 +389,11 @@ def test_a_name_that_comes_with_the_package_is_told_by_its_path():
 
 
 @pytest.mark.parametrize("path", [None, 5, "a\0b", b"a"])
-def test_what_is_no_path_is_refused(path):
+def test_what_is_no_path_is_refused(library, path):
     with pytest.raises(LibraryError, match="cannot be the path of a library"):
         load_library(path)
+    with pytest.raises(LibraryError, match="cannot be the path of a library"):
+        save_library(library, path)
     with pytest.raises(RobotFileError, match="cannot be the path of a robot"):
         load_robot(path)
 
@@ -403,6 +405,17 @@ def test_missing_file_and_directory(folder):
         load_library(folder)
     with pytest.raises(LibraryError, match="cannot be"):
         load_library(folder / "nowhere" / "res.gait")
+
+
+@pytest.mark.parametrize("odd", ["res", 5, ("res",)])
+def test_what_is_no_robot_or_no_library_is_refused(library, tmp_path, odd):
+    path = tmp_path / "a.gait"
+    with pytest.raises(LibraryError, match=r"is no gait library; .*walker\.library"):
+        save_library(odd, path)
+    assert not path.exists()
+    save_library(library, path)
+    with pytest.raises(LibraryError, match="is no robot; give a Robot, as load_robot"):
+        load_library(path, odd)
 
 
 def test_a_file_that_cannot_be_written(library, folder):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gaitchain.errors import CommandError
-from gaitchain.gait.limits import Limits
+from gaitchain.gait.limits import Limits, is_real
 from gaitchain.sim.world import World
 
 SEED = Limits(0, 2**64 - 1, whole=True)
@@ -47,6 +47,16 @@ def test_what_is_no_number_within_limits(value):
 )
 def test_limits_are_shown_with_all_their_digits(limits, shown):
     assert str(limits) == shown
+
+
+@pytest.mark.parametrize("value", [0, 1.5, math.nan, -math.inf, np.float32(1), 10**300])
+def test_numbers_that_fit_a_float(value):
+    assert is_real(value)
+
+
+@pytest.mark.parametrize("value", [10**400, "1", None, 1j, np.array(1.0), [1.0]])
+def test_what_fits_no_float(value):
+    assert not is_real(value)
 
 
 def test_a_world_has_the_largest_seed_and_refuses_larger_ones():

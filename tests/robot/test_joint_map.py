@@ -118,8 +118,17 @@ def test_a_held_joint_without_a_sensor_does_not_matter(planned):
         (None, {"neck": -1}, "signs: 'neck' is not among the joints"),
         (JOINT_NAMES, {"left_knee": 0}, "signs: left_knee = 0; give 1 or -1"),
         (JOINT_NAMES, {"left_knee": 2}, "give 1 or -1"),
+        (5, None, r"joint_names 5: give a list of names, such as \['left_knee'\]"),
+        ("left_knee", None, "joint_names 'left_knee': give a list of names"),
+        ([1, 2], None, "joint_names: 1 is no joint of the library's robot; near: left"),
+        (None, "a", r"signs 'a': give a dict by name, such as \{'left_knee': -1\}"),
+        (None, 5, "signs 5: give a dict"),
+        (None, np.ones(12), r"signs array\(.*give a dict"),
+        (None, {5: 1}, "signs: 5 is not among the joints"),
     ],
 )
-def test_names_and_signs_that_cannot_be(names, signs, message):
+def test_names_and_signs_that_cannot_be(planned, names, signs, message):
     with pytest.raises(CommandError, match=message):
         JointMap(FULL, names, signs)
+    with pytest.raises(CommandError, match=message):
+        Walker(planned, joint_names=names, signs=signs)

@@ -13,9 +13,10 @@ from gaitchain.messages import Command
 from gaitchain.sim.world import World
 from gaitchain.walker.footsteps import Footstep, landing_from
 from gaitchain.walker.walker import Walker
-from gaitchain.walker.waypoints import Place
+from gaitchain.walker.waypoints import Near, Place
 
 LIBRARY = load_library("src/gaitchain/data/res.gait")
+HUGE = 10**400
 HALF = 0.5 * LIBRARY.poses.stance
 AHEAD = [
     Footstep(left, x, HALF if left else -HALF)
@@ -164,6 +165,31 @@ def test_a_place_that_cannot_be_is_refused(goal):
         walker.go_to(goal)
 
 
+@pytest.mark.parametrize(
+    "near",
+    [
+        (math.nan, 1),
+        (-1, 1),
+        (0, 0),
+        (0.1, math.nan),
+        ("a", 1),
+        (None, None),
+        (HUGE, 1),
+    ],
+)
+def test_what_no_robot_is_near_enough_to_is_refused(near):
+    walker = Walker(LIBRARY)
+    with pytest.raises(CommandError, match="distance and turn must be numbers above 0"):
+        walker.go_to(Place(1.0), Near(*near))
+    assert walker.goal is None
+
+
+def test_nearness_may_have_no_limit():
+    walker = Walker(LIBRARY)
+    walker.go_to(Place(1.0, yaw=1.0), Near(0.02, math.inf))
+    assert walker.goal == Place(1.0, yaw=1.0)
+
+
 def test_arguments_of_another_kind_are_refused_with_one_that_would_do():
     walker = Walker(LIBRARY)
     for ask, says in (
@@ -173,7 +199,14 @@ def test_arguments_of_another_kind_are_refused_with_one_that_would_do():
         (lambda: walker.go_to(Place(1.0), crouch="a"), "crouch 'a': need 0 or more"),
         (lambda: walker.go_to(Place(1.0), crouch=math.nan), "crouch nan: need 0 or m"),
         (lambda: walker.go_to(Place(1.0), crouch=math.inf), "crouch inf: need 0 or m"),
-        (lambda: walker.command(Command("a")), "vx is 'a', no number; give one such"),
+        (lambda: walker.go_to(Place(1.0), crouch=HUGE), "crouch 10+: need 0 or more"),
+        (lambda: walker.go_to(Place(HUGE)), r"goal \(10+: x, y and yaw must"),
+        (
+            lambda: walker.command(Command("a")),
+            "vx is 'a', no number .*; give one such",
+        ),
+        (lambda: walker.command(Command(crouch=HUGE)), "crouch is 10+, no number of a"),
+        (lambda: walker.follow([Command(HUGE)]), "vx is 10+, no number of a float's"),
         (lambda: walker.command((0.1, 0, 0)), r"\(0.1, 0, 0\) is no command"),
         (lambda: walker.follow([Command(), None]), "None is no command"),
         (lambda: walker.follow(5), "commands 5: give a list of Command"),

@@ -72,7 +72,7 @@ def check_place(place: Place, name: str = "goal") -> None:
         raise CommandError(f"{name} {place!r}: give a Place, such as Place(1.0, 0.5)")
     if not all(is_real(n) and abs(n) <= _FURTHEST_M for n in place):
         raise CommandError(
-            f"{name} {tuple(place)}: x, y and yaw must be numbers within "
+            f"{name} {tuple(place)!r:.80}: x, y and yaw must be numbers within "
             f"+-{_FURTHEST_M:g} m and rad"
         )
 
