@@ -94,18 +94,31 @@ def test_what_can_be_opened_is_served(options, begun, capsys):
     assert options[1] in (settings.ros, settings.backend)
 
 
-def test_a_log_that_is_there_stays_and_the_next_one_is_named(begun, tmp_path, capsys):
+def test_logs_that_are_there_stay_and_the_next_one_is_named(begun, tmp_path, capsys):
     """Who explains `walk.mcap` after a second run would read the first one."""
     results = tmp_path / "results.json"
     words = "serve", "--log", "walk.mcap", "--json", results
-    for name in ("walk.mcap", "walk-2.mcap", "walk-3.mcap"):
+    for name, stay in (
+        ("walk.mcap", ""),
+        ("walk-2.mcap", "walk.mcap: stays as it is"),
+        ("walk-3.mcap", "walk.mcap and walk-2.mcap: stay as they are"),
+        ("walk-4.mcap", "walk.mcap to walk-3.mcap: stay as they are"),
+    ):
         code, out, _ = call(capsys, *words)
         assert code == 0
-        assert out == (
-            f"walk.mcap: stays as it is; this log is {name}\n" * (name != "walk.mcap")
-        )
+        assert out == (f"{stay}; this log is {name}\n" if stay else "")
         assert json.loads(results.read_text())["log"] == str(tmp_path / name)
         (tmp_path / name).write_bytes(b"a log")
+
+
+def test_a_log_begins_above_files_whose_first_ones_have_gone(begun, tmp_path, capsys):
+    for name in ("walk-9", "walk-10", "walk-x", "walker-99"):
+        (tmp_path / f"{name}.mcap").touch()
+    code, out, _ = call(capsys, "serve", "--log", "walk.mcap")
+    assert (code, out) == (
+        0,
+        "walk-9.mcap and walk-10.mcap: stay as they are; this log is walk-11.mcap\n",
+    )
 
 
 def test_the_browser_is_not_given_a_token_that_was_kept_out_of_sight(

@@ -293,6 +293,21 @@ def test_a_full_file_is_followed_and_the_oldest_of_too_many_removed(tmp_path):
     assert said == []
 
 
+def test_a_log_begins_above_what_another_run_left_and_removes_none_of_it(tmp_path):
+    """Its first files had gone; the numbers tell the order."""
+    left = [tmp_path / f"a-{n}.mcap" for n in (9, 10)]
+    for file in left:
+        file.touch()
+    room = Room(file_bytes=1, files=2)
+    logger = Logger(tmp_path / "a.mcap", LIBRARY, print, count().__next__, room)
+    assert logger.path == tmp_path / "a-11.mcap"
+    while logger.path != tmp_path / "a-14.mcap":
+        logger.write(told(RES))
+    logger.close()
+    own = [tmp_path / f"a-{n}.mcap" for n in (13, 14)]
+    assert set(tmp_path.iterdir()) == {*left, *own}
+
+
 def test_a_logger_that_is_started_again_goes_on_with_the_files_of_the_log(tmp_path):
     """Older logs of that name are left alone, as they are not its own."""
     path, ledger = tmp_path / "walk.mcap", tmp_path / "log.json"

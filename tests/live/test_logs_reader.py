@@ -33,6 +33,10 @@ LIBRARY = planned_res()
 RES = LIBRARY.robot
 CHUNKS, EACH = 4, 6
 PUSH = "a push of 40 N s to 90 deg"
+BEFORE = (
+    "the rows before its first one are in the file of that log before it, and the "
+    "cause may be in them"
+)
 
 
 def write(path, rows, each=50, row_before=None):
@@ -246,6 +250,15 @@ def foreign(path, encoding="cdr", library=None):
     return path
 
 
+def test_what_comes_after_the_end_is_not_read_and_told(whole, tmp_path):
+    """As of the files of a log that somebody put together."""
+    found, damage = steps_in(whole + whole, tmp_path)
+    assert found == list(range(CHUNKS * EACH))
+    assert damage == (
+        f"{len(whole)} bytes after its end are not read: play each file of a log alone"
+    )
+
+
 def test_what_is_no_log_is_refused_in_one_line(whole, tmp_path):
     path = tmp_path / "a.mcap"
     for words, data in {
@@ -365,6 +378,70 @@ def test_a_log_that_was_cut_is_explained_as_far_as_it_goes(fall, tmp_path, capsy
     empty = write(tmp_path / "empty.mcap", [])
     code, _, err = call(capsys, "explain", empty)
     assert (code, err) == (2, f"gaitchain: {empty}: no telemetry in it\n")
+
+
+def numbered(rows):
+    """The same rows as a loop numbers them."""
+    return [replace(row, number=i) for i, row in enumerate(rows, start=1)]
+
+
+def test_a_file_that_begins_before_a_fall_points_to_the_file_before(
+    fall, tmp_path, capsys
+):
+    """The push, of which nothing is in this file, came one second before the fall."""
+    rows = numbered(fall)
+    pushed = next(i for i, row in enumerate(rows) if row.events)
+    begin = pushed + 20
+    path = write(tmp_path / "a-2.mcap", rows[begin:], row_before=begin)
+    code, out, err = call(capsys, "explain", path)
+    assert (code, err) == (0, "")
+    ahead_s = rows[-1].time_s - rows[begin].time_s
+    said, sentence = out.splitlines()[:2]
+    assert said == f"{path}: it begins {ahead_s:.2f} s before the fall; {BEFORE}"
+    assert PUSH not in sentence
+    assert " s: in the rows that are left " in sentence
+
+
+@pytest.mark.parametrize("kept", [1, 2])
+def test_a_file_that_begins_at_a_fall_points_to_the_file_before(
+    fall, kept, tmp_path, capsys
+):
+    rows = numbered(fall)[-kept:]
+    path = write(tmp_path / "a-2.mcap", rows, row_before=rows[0].number - 1)
+    code, _, err = call(capsys, "explain", path)
+    few = "no row" if kept == 1 else "one row alone"
+    why = f"{few} with the torque on; nothing to explain; {BEFORE}"
+    assert (code, err) == (2, f"gaitchain: {path}: {why}\n")
+
+
+@pytest.mark.parametrize("row_before", [None, 0, 1000])
+def test_a_short_file_that_no_rows_of_its_loop_came_before_is_whole(
+    fall, row_before, tmp_path, capsys
+):
+    """Before the last one came rows of a loop that ran before it."""
+    rows = numbered(fall[-100:])
+    path = write(tmp_path / "a.mcap", rows, row_before=row_before)
+    code, out, _ = call(capsys, "explain", path)
+    assert code == 0
+    assert out.startswith("The robot fell at ")
+    assert "that are left" not in out
+
+
+def test_a_fall_long_after_the_file_began_needs_no_file_before(fall, tmp_path, capsys):
+    rows = numbered([told(RES, 0.1 * i) for i in range(20)] + later(fall, 2.0))
+    rows = [replace(row, number=row.number + 50) for row in rows]
+    path = write(tmp_path / "a-2.mcap", rows, row_before=50)
+    code, out, _ = call(capsys, "explain", path)
+    assert code == 0
+    assert out.startswith(f"The robot fell at {rows[-1].time_s:.2f} s after {PUSH}: ")
+
+
+def test_a_log_of_a_robot_that_rested_has_nothing_to_explain(tmp_path, capsys):
+    rows = numbered([told(RES, 0.1 * i, mode=Mode.OFF) for i in range(20)])
+    path = write(tmp_path / "a-16.mcap", rows, row_before=0)
+    code, _, err = call(capsys, "explain", path)
+    why = "no row with the torque on; nothing to explain"
+    assert (code, err) == (2, f"gaitchain: {path}: {why}\n")
 
 
 def test_of_a_real_robot_the_joints_are_judged(tmp_path, capsys):

@@ -342,6 +342,16 @@ def test_replay_refuses_what_it_cannot_play(path, tmp_path, capsys):
     assert call(capsys, "replay", "--help")[0] == 0
 
 
+def test_replay_names_the_files_that_are_left_of_a_log(tmp_path, capsys):
+    for number in (9, 10, 11):
+        (tmp_path / f"a-{number}.mcap").touch()
+    for command, more in (("replay", "replay plays a"), ("explain", "explain reads")):
+        code, _, err = call(capsys, command, tmp_path / "a.mcap")
+        assert code == 2
+        names = f"{tmp_path / 'a-9.mcap'} to a-11.mcap"
+        assert f"{tmp_path / 'a.mcap'}: no such file, only {names}; {more}" in err
+
+
 def test_replay_draws_no_other_robot_than_that_of_the_log(path, toy_path, capsys):
     code, _, err = call(capsys, "replay", path, "--robot", toy_path)
     assert (code, err.count("\n")) == (2, 1)

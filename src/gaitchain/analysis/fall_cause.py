@@ -79,13 +79,14 @@ class Explanation:
             if not self.whole:
                 return f"No fall in the rows that are left; {broke}."
             return f"The robot did not fall; {broke}."
+        where = "" if self.whole else "in the rows that are left "
         if self.cause is None:
             fell = f"The robot fell {when_fell(self.fell_at_s)}{self.after}"
-            return f"{fell}; no rule broke before."
+            return f"{fell}; {where}no rule broke before."
         cause = self.cause
         return (
             f"The robot fell {when_fell(self.fell_at_s)}{self.after}: "
-            f"{cause.what} came first, "
+            f"{where}{cause.what} came first, "
             f"{self.fell_at_s - cause.time_s:.2f} s before the fall, "
             f"{cause.how_much} (limit {cause.limit_text}); try {cause.advice}."
         )

@@ -1,22 +1,30 @@
 """`gaitchain explain`: why a walk fell, and which parameters to change."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from gaitchain.analysis.fall_cause import Explanation, explain
+from gaitchain.analysis.fall_cause import DISTURBED_S, Explanation, explain
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.record_file import RECORD, load_record
 from gaitchain.analysis.rules import Finding
 from gaitchain.cli.console import check_picture, print_table, say
 from gaitchain.cli.mixtures import refuse
 from gaitchain.cli.options import Explain
-from gaitchain.errors import CommandError
+from gaitchain.errors import CommandError, RecordError
 from gaitchain.figures.timeline import plot_timeline
-from gaitchain.live.logs.reader import SUFFIX, read_log
+from gaitchain.live.logs.names import missing
+from gaitchain.live.logs.reader import SUFFIX, Log, read_log
+from gaitchain.live.messages import Telemetry
 from gaitchain.live.telemetry_record import before_fall, record_of
+
+_BEFORE = (
+    "the rows before its first one are in the file of that log before it, and the "
+    "cause may be in them"
+)
 
 
 def run(options: Explain) -> tuple[int, dict[str, Any]]:
@@ -24,7 +32,7 @@ def run(options: Explain) -> tuple[int, dict[str, Any]]:
     path = options.run / RECORD if options.run.is_dir() else options.run
     if path.suffix == ".gait" or not path.exists():
         raise CommandError(
-            f"{path}: {'a gait library' if path.exists() else 'no such file'}; explain "
+            f"{path}: {'a gait library' if path.exists() else missing(path)}; explain "
             f"reads the folder that `gaitchain walk` wrote, such as runs/walk, its "
             f"{RECORD}, or a log of `gaitchain serve` ({SUFFIX})"
         )
@@ -50,19 +58,40 @@ def run(options: Explain) -> tuple[int, dict[str, Any]]:
 
 
 def _record_of_log(path: Path, fall: int | None) -> tuple[WalkRecord, bool]:
-    """Return the record of a log, and whether the log is whole."""
+    """Return the record of a log, and whether nothing is missing in it."""
     log = read_log(path)
     rows = before_fall(log.telemetries(), fall)
     if log.damage:
         say(f"{path}: {log.damage}")
     if not rows:
         raise CommandError(f"{path}: no telemetry in it")
+    before = _BEFORE if _began_before(rows, log) else ""
     # Times are those of the loop, as shown by the page and by `replay`.
     gait = log.library.family.name
-    record = record_of(
-        log.library.robot, rows, log.library.timing, since_s=0.0, gait=gait
-    )
-    return record, not log.damage
+    try:
+        record = record_of(
+            log.library.robot, rows, log.library.timing, since_s=0.0, gait=gait
+        )
+    except RecordError as error:
+        raise CommandError(f"{path}: {error}{before and f'; {before}'}") from None
+    if before:
+        ahead_s = rows[-1].time_s - rows[0].time_s
+        say(f"{path}: it begins {ahead_s:.2f} s before the fall; {before}")
+    return record, not (log.damage or before)
+
+
+def _began_before(rows: Sequence[Telemetry], log: Log) -> bool:
+    """Return whether what led to a fall may be in the file before this one.
+
+    Args:
+        rows: that led to the fall, of this file.
+        log: the file.
+    """
+    begin, end = rows[0], rows[-1]
+    soon = end.fell and end.time_s - begin.time_s < DISTURBED_S
+    from_its_first = next(log.telemetries()).number == begin.number
+    # Of a loop that was started again numbers begin anew, and nothing led to its rows.
+    return soon and from_its_first and 0 < (log.row_before or 0) < begin.number
 
 
 def _name(path: Path) -> str:

@@ -587,7 +587,8 @@ class Serve:
     log_size: Annotated[float, Limits(1.0, 100_000.0, unit="MB")] = 512.0
     """Size from which the log goes on in the next file [MB]."""
     log_files: Annotated[int, Limits(1, 10_000, whole=True)] = 8
-    """Files that the log may have; then the oldest one is removed."""
+    """Files that the log may have; then the oldest one is removed. Files of logs before
+    it do not count and stay."""
     ros: str | None = None
     """Let ROS 2 watch and drive as well: zenoh, zenoh:tcp/HOST:PORT, ws://HOST:PORT."""
     ros_stamped: _Flag = False

@@ -7,6 +7,7 @@ from gaitchain.cli.console import file_of, say
 from gaitchain.cli.libraries import given_robot
 from gaitchain.cli.options import Replay
 from gaitchain.errors import CommandError, temporary_folder
+from gaitchain.live.logs.names import missing
 from gaitchain.live.logs.reader import SUFFIX, Log, read_log
 from gaitchain.robot.compare import differences
 from gaitchain.robot.robot import Robot
@@ -39,7 +40,7 @@ def run(options: Replay) -> tuple[int, dict[str, str]]:
 
 def _check_there(path: Path) -> None:
     if path.is_dir() or not path.exists():
-        found = "a folder" if path.is_dir() else "no such file"
+        found = "a folder" if path.is_dir() else missing(path)
         raise CommandError(
             f"{path}: {found}; replay plays a log of `gaitchain serve` ({SUFFIX})"
         )

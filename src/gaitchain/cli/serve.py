@@ -18,7 +18,7 @@ from gaitchain.gait.get_up import load_get_up
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.limits import Limits, declared
-from gaitchain.live.logs.logger import next_free
+from gaitchain.live.logs.names import files_of, in_words, next_free
 from gaitchain.live.logs.reader import SUFFIX
 from gaitchain.service.robots import check_backend, kind_of, servo_calibration
 from gaitchain.service.settings import TOKEN_LENGTHS, Settings, is_loopback
@@ -236,8 +236,9 @@ def _log(options: Serve) -> str | None:
     check_writable(path)
     free, _ = next_free(path)
     _check_begun(free)
-    if path.exists():
-        say(f"{path}: stays as it is; this log is {free}")
+    if there := files_of(path):
+        stay = "stays as it is" if len(there) == 1 else "stay as they are"
+        say(f"{in_words(there)}: {stay}; this log is {free}")
     return str(file_of(path))
 
 

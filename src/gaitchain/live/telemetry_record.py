@@ -175,9 +175,8 @@ def _up_to_fall(rows: list[Telemetry]) -> tuple[list[Telemetry], Telemetry | Non
 
 def _check(robot: Robot, rows: Sequence[Telemetry]) -> None:
     if len(rows) < 2:
-        raise RecordError(
-            f"telemetry of {len(rows)} rows with torque up to a fall; give 2 or more"
-        )
+        few = "one row alone" if rows else "no row"
+        raise RecordError(f"{few} with the torque on; nothing to explain")
     joints = len(robot.legs.joint_names)
     for t in rows:
         arrays = t.joint_position, t.joint_velocity, t.joint_target, t.joint_torque

@@ -16,6 +16,7 @@ import msgspec
 from gaitchain.errors import LogError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.live.logs.gaps import Gaps, rows_missing
+from gaitchain.live.logs.names import next_free
 from gaitchain.live.logs.writer import LogFile
 from gaitchain.live.messages import Telemetry
 from gaitchain.robot.whole_file import replace_file
@@ -36,21 +37,7 @@ class Room:
     file_bytes: int = 512 << 20
     """Size from which a file is followed by the next one."""
     files: int = 8
-    """Of one log; the oldest one goes."""
-
-
-def next_free(path: Path, number: int = 0) -> tuple[Path, int]:
-    """Return where a log goes on, a file that is not there yet, and its number.
-
-    Args:
-        path: of the log, which its first file has.
-        number: of the latest file; 0 before the first.
-    """
-    while True:
-        number += 1
-        name = f"{path.stem}-{number}{path.suffix}" if number > 1 else path.name
-        if not (free := path.with_name(name)).exists():
-            return free, number
+    """Of one log; the oldest one goes. Those of logs before it do not count."""
 
 
 class _Ledger(msgspec.Struct):
@@ -89,7 +76,7 @@ class Logger:
         """Begin a log.
 
         Args:
-            path: the file; where it is there already, one with a number after its name.
+            path: the file; where there are some of that name, one with a higher number.
             library: what is walked.
             report: called once when the log cannot be written, when it goes on, and
                 when rows are lost.
@@ -193,8 +180,7 @@ class Logger:
                 replace_file(self._ledger, msgspec.json.encode(noted))
 
     def _free(self) -> Path:
-        """Return the path, or the next with a number that is not there yet."""
-        # Numbers rise even where older files have gone, so that they tell the order.
+        """Return the path, or the one with the next number."""
         free, self._number = next_free(self._path, self._number)
         return free
 

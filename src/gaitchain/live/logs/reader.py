@@ -1,5 +1,6 @@
 """Reads a log back, however it ended: what is whole of it, and what is missing."""
 
+import os
 from bisect import bisect_right
 from collections.abc import Iterator
 from io import BufferedReader
@@ -62,7 +63,9 @@ class Log:
         self.lost = 0
         """Rows of the loop that are not in it: before its first and between others."""
         before = facts.get(writer.ROW_BEFORE, "")
-        self._row_before = int(before) if before.isdecimal() else None
+        self.row_before = int(before) if before.isdecimal() else None
+        """Number of the row that the file before it ended with; 0 for a log's first
+        file, None where nobody knows."""
         channel = facts.get(writer.CHANNEL, "")
         # Kept, as who begins in the middle may not come by their descriptions.
         self._channels = {int(channel)} if channel.isdecimal() else set[int]()
@@ -91,7 +94,7 @@ class Log:
         """
         self.rows, begins = mark.rows, mark.place
         ended, damaged, unread = False, 0, 0
-        gaps, joints = Gaps(self._row_before), len(self.library.robot.legs.joint_names)
+        gaps, joints = Gaps(self.row_before), len(self.library.robot.legs.joint_names)
         with _opened(self.path) as file:
             file.seek(mark.place)
             for record in _records(file):
@@ -112,9 +115,10 @@ class Log:
                     self.rows += 1
                     gaps.take(telemetry)
                     yield _typed(telemetry) if self._is_old else telemetry
+            beyond = os.fstat(file.fileno()).st_size - file.tell() if ended else None
         if mark == BEGINNING:
             self.lost = gaps.lost
-            self.damage = _in_words(self.rows, ended, damaged, unread, gaps)
+            self.damage = _in_words(self.rows, beyond, damaged, unread, gaps)
         if unread and not self.rows:
             raise LogError(
                 f"{self.path}: none of its {unread} rows can be read; gaitchain "
@@ -229,7 +233,18 @@ def _typed(telemetry: Telemetry) -> Telemetry:
     return telemetry
 
 
-def _in_words(rows: int, ended: bool, chunks: int, unread: int, gaps: Gaps) -> str:
+def _in_words(
+    rows: int, beyond: int | None, chunks: int, unread: int, gaps: Gaps
+) -> str:
+    """Say what is missing.
+
+    Args:
+        rows: that were read.
+        beyond: bytes after its end; None if the end is missing.
+        chunks: that are damaged.
+        unread: rows that cannot be read.
+        gaps: between the rows.
+    """
     found = []
     if gaps.lost:
         found.append(gaps.in_words)
@@ -238,6 +253,10 @@ def _in_words(rows: int, ended: bool, chunks: int, unread: int, gaps: Gaps) -> s
         found.append(f"{chunks} of its chunks {are} damaged and left out")
     if unread:
         found.append(f"{unread} of its rows cannot be read")
-    if not ended:
+    if beyond is None:
         found.append(f"the end is missing, after {rows} rows")
+    elif beyond:
+        found.append(
+            f"{beyond} bytes after its end are not read: play each file of a log alone"
+        )
     return "; ".join(found)
