@@ -142,15 +142,25 @@ def test_a_stop_that_left_motors_on_is_not_confirmed(visit, server, see):
     see(page.locator("#unconfirmed")).to_be_hidden()
 
 
-def test_no_robot_is_missed_where_a_log_is_stopped(visit, server, see):
+def test_a_log_is_not_driven_and_no_robot_is_missed_where_it_stops(visit, server, see):
     server.set(mode=Mode.STANDING, replay=ReplayState(1.0, 9.0, 1.0, playing=True))
-    page = visit()
+    page = visit(**PHONE)
     see(page.locator("#replay")).to_be_visible()
+    drives = "#estop, #take, #let-go, #rest, #stop, #stick, #vx, #crouch, #go, #place-x"
+    assert page.locator(drives).count() == len(drives.split(", "))
+    see(page.locator(drives).filter(visible=True)).to_have_count(0)
+    see(page.locator("#carried")).to_be_visible()
+    see(page.locator("#floor")).to_be_visible()
+    page.keyboard.press("w")
+    see(page.locator("#notice")).to_have_text(re.compile("This is a replay"))
     page.clock.install()
     page.keyboard.press("Space")  # pauses the log
     server.next_message("emergency_stop")
     page.clock.run_for(2000)  # ms; a robot would have to say that it stopped
     see(page.locator("#unconfirmed")).to_be_hidden()
+    server.set(mode=Mode.STANDING)  # a robot, as who is there again after the log
+    see(page.locator("#estop")).to_be_visible()
+    see(page.locator("#take")).to_be_visible()
 
 
 def test_who_watches_cannot_drive(visit, server, see):

@@ -76,6 +76,7 @@ function moved() {
 /** Say why a pull does nothing. */
 function idle() {
   if (!link.isOpen) return "There is no connection to the robot.";
+  if (replay.isOn) return "This is a replay: what happened, happened.";
   return wheel.taken ? `${wheel.driver} drives; you watch.` : "Take the wheel first.";
 }
 

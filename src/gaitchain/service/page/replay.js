@@ -2,7 +2,7 @@
 
 import { say } from "./words.js";
 
-/** The bar of a replay; hidden while a robot is live. */
+/** The bar of a replay; hidden while a robot is live, as what drives one is in a replay. */
 export class Replay {
   #playing = false;
   #held = false; // somebody moves the bar: it follows them, not the log
@@ -19,9 +19,14 @@ export class Replay {
     page.speed.addEventListener("change", () => this.#ask({ speed: Number(page.speed.value) }));
   }
 
+  get isOn() {
+    return !this.page.box.hidden;
+  }
+
   hear({ replay }) {
     const { page } = this;
     page.box.hidden = replay === null;
+    document.body.classList.toggle("replaying", this.isOn);
     if (!replay) return;
     this.#playing = replay.playing;
     say(page.play, replay.playing ? "Pause" : "Play");
