@@ -335,6 +335,72 @@ def test_what_recovered_is_not_the_cause():
     assert explain(RES, lasting).cause.time_s == pytest.approx(1.0)
 
 
+STEP_S = 0.4  # of the walks that slip
+
+
+def with_slips(*rows, torque=(350, 400), **more):
+    """Feet that slip for 0.1 s from these rows on, in turn; a knee that is weak."""
+    speed = np.zeros((400, 2))
+    for i, row in enumerate(rows):
+        speed[row : row + 10, i % 2] = 0.3
+    timing = Timing(step=STEP_S, rise=0.1, fall=0.1)
+    return with_torque(torque, foot_speed=speed, timing=timing, **more)
+
+
+@pytest.mark.parametrize("pause", [0.22, STEP_S - 0.02])
+def test_slips_of_each_step_until_the_fall_are_one_run_up(pause):
+    """Each spell ends as the foot is lifted: the first one is the cause."""
+    walk = with_slips(*range(50, 400, 11 + round(100.0 * pause)), torque=(240, 400))
+    cause = explain(RES, walk).cause
+    assert cause.rule is Rule.SLIP
+    assert cause.time_s == pytest.approx(0.5)
+
+
+def test_a_step_without_a_slip_is_a_recovery():
+    walk = with_slips(50, 90, *range(100 + round(100.0 * STEP_S) + 2, 400, 30))
+    cause = explain(RES, walk).cause
+    assert (cause.rule, cause.time_s) == (Rule.SLIP, pytest.approx(1.42))
+
+
+def test_slips_before_a_fall_without_slips_are_not_its_cause():
+    """They ended 0.4 s before the knee gave way."""
+    cause = explain(RES, with_slips(*range(50, 310, 25))).cause
+    assert (cause.rule, cause.time_s) == (Rule.TORQUE, pytest.approx(3.5))
+
+
+def test_slips_do_not_hide_a_push():
+    """The robot slipped in each step, and walked until it was pushed."""
+    walk = with_slips(*range(50, 400, 30), torque=(301, 400), events=((3.0, PUSH),))
+    why = explain(RES, walk)
+    assert (why.cause.rule, why.cause.time_s) == (Rule.TORQUE, pytest.approx(3.01))
+    assert f" after {PUSH}: torque" in why.sentence
+    calm = replace(walk, events=())
+    assert explain(RES, calm).cause.time_s == pytest.approx(0.5)
+
+
+def test_other_rules_that_break_again_and_again_are_recovered_from():
+    """Only a slip ends because its foot is lifted."""
+    spells = [(row, row + 10) for row in range(50, 400, 42)]
+    assert explain(RES, with_torque(*spells)).cause.time_s > 2.0
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_speed_that_was_only_asked_for_is_told_as_such(turned):
+    """Twice the limit: the knee's target moves so, or the knee itself."""
+    rate = 2.0 * RES.reduced.joint_speed_limit
+    moved = np.zeros((400, 12))
+    moved[350:, 3] = rate * CONTROL_PERIOD_S * np.arange(1, 51)
+    speed = np.zeros((400, 12))
+    speed[350:, 3] = rate
+    changes = {"joint_velocity": speed} if turned else {"target": moved}
+    more = {"fell_at_s": 4.0, "joint_position": moved, **changes}
+    why = explain(RES, standing(np.zeros(400), **more))
+    assert (why.cause.rule, why.cause.asked) == (Rule.SPEED, not turned)
+    limit = math.degrees(RES.reduced.joint_speed_limit)
+    asked = "" if turned else "asked for "
+    assert f", {asked}{2.0 * limit:.0f} deg/s (limit {limit:.0f} deg/s)" in why.sentence
+
+
 PUSH = "a push of 20 N s"
 
 

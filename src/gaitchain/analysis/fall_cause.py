@@ -3,8 +3,10 @@
 Pure functions of a record. The cause is the first break of the run-up. The run-up
 consists of the breaks before the fall that have gaps of less than `RECOVERY_S` between
 them. Breaks before it, and those that ended more than `RUN_UP_S` before the fall, did
-not cause the fall. What disturbed the robot less than `DISTURBED_S` before the fall is
-named, and the run-up begins with it.
+not cause the fall. A slip in the run-up brings those of the steps before it with it,
+until a step had none: a foot that slips is lifted before it has recovered.
+What disturbed the robot less than `DISTURBED_S` before the fall is named, and the
+run-up begins with it.
 """
 
 import math
@@ -19,6 +21,7 @@ from gaitchain.analysis.rules import (
     RECOVERY_S,
     STRIDE_ADVICE,
     Finding,
+    JudgedWalk,
     Rule,
     RuleLimits,
 )
@@ -112,7 +115,8 @@ def explain(
     Returns:
         The findings up to the fall in order of time, and the cause among them.
     """
-    found = broken_rules(robot, _until_fall(record), limits or RuleLimits())
+    limits, walked = limits or RuleLimits(), _until_fall(record)
+    found = broken_rules(robot, walked, limits)
     fell_at_s = record.fell_at_s
     end_s = math.inf if fell_at_s is None else fell_at_s
     events = tuple(sorted(event for event in record.events if event[0] <= end_s))
@@ -122,7 +126,8 @@ def explain(
         else f
         for f in found
     )
-    cause = None if fell_at_s is None else _cause(findings, fell_at_s, events)
+    step_s = JudgedWalk(robot, walked, limits).step_s
+    cause = None if fell_at_s is None else _cause(findings, fell_at_s, events, step_s)
     if cause is not None and fell_at_s is not None:
         disturbed = bool(_disturbances(events, fell_at_s, cause.time_s))
         stood = _stood(record, fell_at_s)
@@ -171,21 +176,48 @@ def _cause(
     findings: tuple[Finding, ...],
     fell_at_s: float,
     events: tuple[tuple[float, str], ...],
+    step_s: float,
 ) -> Finding | None:
+    run_up = _run_up(findings, fell_at_s)
+    begin_s = min((f.time_s for f in run_up), default=fell_at_s)
+    # A rule that broke before a push did not cause the fall until then.
+    since_s = min(begin_s - RECOVERY_S, fell_at_s - DISTURBED_S)
+    pushed_s = next((t for t, _ in events if t >= since_s), math.inf)
+    later = [f for f in findings if f.time_s >= pushed_s - 1e-6]
+    if pushed_s == math.inf:
+        run_up += _slips_before(findings, run_up, step_s)
+    first = later or [f for f in findings if f in run_up]
+    return first[0] if first else None
+
+
+def _run_up(findings: tuple[Finding, ...], fell_at_s: float) -> list[Finding]:
+    """Return the breaks that the robot did not recover from before its fall."""
     begin_s, run_up = fell_at_s, []
     for finding in sorted(findings, key=lambda f: f.until_s, reverse=True):
         if finding.until_s < max(fell_at_s - RUN_UP_S, begin_s - RECOVERY_S):
             break
         run_up.append(finding)
         begin_s = min(begin_s, finding.time_s)
-    first = [f for f in findings if f in run_up]
-    # A rule that broke before a push did not cause the fall until then.
-    since_s = min(begin_s - RECOVERY_S, fell_at_s - DISTURBED_S)
-    pushed_s = next((t for t, _ in events if t >= since_s), None)
-    if pushed_s is not None:
-        later = [f for f in findings if f.time_s >= pushed_s - 1e-6]
-        first = later or first
-    return first[0] if first else None
+    return run_up
+
+
+def _slips_before(
+    findings: tuple[Finding, ...], run_up: list[Finding], step_s: float
+) -> list[Finding]:
+    """Return the slips, step after step, that led to a slip of the run-up.
+
+    A slip ends as its foot is lifted, which is no recovery: only a step without one is.
+    """
+    gap_s, chain = max(step_s, RECOVERY_S), []
+    begin_s = min((f.time_s for f in run_up if f.rule is Rule.SLIP), default=math.inf)
+    for finding in sorted(findings, key=lambda f: f.until_s, reverse=True):
+        if finding.rule is not Rule.SLIP or finding in run_up:
+            continue
+        if finding.until_s < begin_s - gap_s:
+            break
+        chain.append(finding)
+        begin_s = min(begin_s, finding.time_s)
+    return chain
 
 
 def _until_fall(record: WalkRecord) -> WalkRecord:

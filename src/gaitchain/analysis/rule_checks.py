@@ -159,7 +159,8 @@ def _joints(walk: JudgedWalk) -> Iterator[Finding]:
     for joint, name in enumerate(walk.record.joint_names):
         for rule, broken, hold_s, measure, limit in rules:
             values, least = measure.values[:, joint], float(limit[joint])
-            own = measure._replace(values=values, limit=least)
+            asked = None if measure.asked is None else measure.asked[:, joint]
+            own = measure._replace(values=values, limit=least, asked=asked)
             yield from walk.findings(rule, broken[:, joint], hold_s, own, joint=name)
 
 
@@ -174,11 +175,13 @@ def _joint_rules(walk: JudgedWalk) -> tuple[_JointRule, ...]:
     fast = held_back | (speed > 1.001 * speed_limit)
     heavy = torque >= limits.saturation * torque_limit
     late = lag > limits.tracking_rad
+    asked = speed > np.abs(record.joint_velocity)
     fastest = _degrees(speed_limit)
+    speeds = Measure(_degrees(speed), "deg/s", 0.0, asked=asked)
     latest = _degrees(np.full(len(fastest), limits.tracking_rad))
     hold_s = limits.saturation_hold_s
     return (
-        (Rule.SPEED, fast, hold_s, Measure(_degrees(speed), "deg/s", 0.0), fastest),
+        (Rule.SPEED, fast, hold_s, speeds, fastest),
         (Rule.TORQUE, heavy, hold_s, Measure(torque, "N m", 0.0), torque_limit),
         (
             Rule.TRACKING,

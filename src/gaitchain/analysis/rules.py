@@ -146,6 +146,8 @@ class Finding:
     """Joint at which the rule broke, for rules on joints."""
     foot: str | None = None
     """Foot at which the rule broke, for rules on feet."""
+    asked: bool = False
+    """Whether the amount is what the joint was asked for, not what it did."""
 
     @property
     def what(self) -> str:
@@ -156,8 +158,9 @@ class Finding:
 
     @property
     def how_much(self) -> str:
-        """The amount with its unit."""
-        return f"{_rounded(self.amount, self.unit)} {self.unit}"
+        """The amount with its unit, and whether it was only asked for."""
+        asked = "asked for " if self.asked else ""
+        return f"{asked}{_rounded(self.amount, self.unit)} {self.unit}"
 
     @property
     def limit_text(self) -> str:
@@ -179,6 +182,8 @@ class Measure(NamedTuple):
     limit: float
     worst: Callable[[Array], Any] = np.max
     """Selects the worst of several values."""
+    asked: Mask | None = None
+    """Whether a value is what was asked for, not what was done; of the same shape."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,10 +259,11 @@ class JudgedWalk:
             else:
                 merged.append([begin, end])
         time_s, judged = self.record.time_s, math.ceil(_JUDGED_S / self.period_s)
-        values, unit, limit, worst = measure
+        values, unit, limit, worst, told = measure
         for begin, end in merged:
             rows = slice(begin, min(end, begin + judged))
             amount = float(worst(values[rows][broken[rows]]))
             span = float(time_s[begin]), float(time_s[end - 1])
-            advice = ADVICE[rule]
-            yield Finding(rule, *span, amount, unit, limit, advice, joint, foot)
+            asked = told is not None and bool(told[rows][values[rows] == amount].any())
+            near = rule, *span, amount, unit, limit, ADVICE[rule]
+            yield Finding(*near, joint, foot, asked)
