@@ -288,15 +288,15 @@ def test_of_a_real_robot_speeds_are_judged_and_torques_if_they_are_measured():
 
 def test_too_few_rows_and_rows_of_another_robot_are_refused(both):
     rows, _, _ = both
-    for few in (
-        [],
-        rows[:1],
-        [replace(rows[0], **FALLEN)],
+    for few, many in (
+        ([], "no row"),
+        (rows[:1], "one row alone"),
+        ([replace(rows[0], **FALLEN)], "no row"),
     ):
-        with pytest.raises(RecordError, match="give 2 or more"):
+        with pytest.raises(RecordError, match=f"^{many} with the torque on; nothing"):
             record_of(RES, few)
     bare = [replace(row, truth=None) for row in rows[1:]]
-    with pytest.raises(RecordError, match="of 1 rows"):  # of those with their truth
+    with pytest.raises(RecordError, match="one row alone"):  # of those with their truth
         record_of(RES, [rows[0], *bare])
     with pytest.raises(RecordError, match="of 3 joints; Robo-Erectus Senior has 12"):
         record_of(RES, [replace(r, joint_position=(0.0,) * 3) for r in rows])
