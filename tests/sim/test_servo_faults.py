@@ -163,18 +163,22 @@ def test_viscous_friction_takes_its_part_at_the_speed_limit():
     assert more * speed == pytest.approx(part * TORQUE)
 
 
-@pytest.mark.parametrize("limit", [75.0, math.inf])
-def test_how_fast_set_points_move_leaves_the_motors_as_they_are(limit):
-    faults = {"viscous_friction": 0.2, "no_load": 1.5}
-    own, other = (
-        MujocoBackend(RES, World(speed_limit_deg_s=speed, **faults))
-        for speed in (None, limit)
-    )
-    np.testing.assert_array_equal(own.model.dof_damping, other.model.dof_damping)
-    other.connect(STRAIGHT)
-    own.connect(STRAIGHT)
-    np.testing.assert_array_equal(own._servos._servos[4], other._servos._servos[4])
-    assert np.isfinite(other._servos._servos[4]).all()
+@pytest.mark.parametrize(
+    ("limit", "times"), [(75.0, 1.0), (300.0, 2.0), (math.inf, math.inf)]
+)
+def test_slower_set_points_leave_motors_as_they_are_and_faster_ones_do_not(
+    limit, times
+):
+    assert math.degrees(RES.legs.speed_limit[KNEE]) == pytest.approx(150.0)
+    plain = MujocoBackend(RES).model.dof_damping[6 + KNEE]
+    damping, no_load = [], []
+    for speed in (None, limit):
+        world = World(speed_limit_deg_s=speed, viscous_friction=0.2, no_load=1.5)
+        backend = MujocoBackend(RES, world)
+        damping.append(backend.model.dof_damping[6 + KNEE] - plain)
+        no_load.append(ServoFaults(backend.model, backend.data, world, RES)._servos[4])
+    assert damping[1] == pytest.approx(damping[0] / times)
+    np.testing.assert_allclose(no_load[1], times * no_load[0])
 
 
 # --- motor

@@ -126,7 +126,7 @@ def add_servo(spec: Any, body: Any, legs: LegModel, at: int, world: World) -> No
     torque = float(legs.torque_limit[at]) * world.torque_limit
     limit = world.speed_limit_deg_s
     own = float(legs.speed_limit[at])
-    viscous = world.viscous_friction * torque / own
+    viscous = world.viscous_friction * torque / world.motor_speed(own)
     gain = float(draw_gains(world, len(legs.joint_names))[at])
     body.add_joint(
         name=name,

@@ -136,6 +136,7 @@ class ServoFaults:
         self._loss = model.dof_frictionloss[dofs]
         gains = draw_gains(world, count)
         most = np.array(model.actuator_forcerange[:, 1])
+        speeds = np.array([world.motor_speed(own) for own in legs.speed_limit])
         play = 0.5 * plays(robot, world)
         self._servos = np.array(
             [
@@ -143,7 +144,7 @@ class ServoFaults:
                 (legs.damping - legs.joint_damping) * gains,
                 most,
                 world.timestep * model.actuator_dynprm[:, _SLEW],
-                world.no_load * legs.speed_limit,
+                world.no_load * speeds,
                 play,
                 legs.friction_loss + world.dry_friction * most,
             ]

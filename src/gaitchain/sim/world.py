@@ -505,8 +505,7 @@ class World:
             unit=" deg/s",
         ),
     ] = None
-    """Rate limit of the servos' set-points; `math.inf` for none. What motors can do,
-    and lose to friction, follows from the robot's own limit."""
+    """Rate limit of the servos' set-points; `math.inf` for none. See `motor_speed`."""
     foot_sensors: Annotated[
         bool,
         Disturbance(
@@ -570,6 +569,18 @@ class World:
             *(self.gyro_bias_deg_s, self.accelerometer_bias),
         )
         return any(wrong) or self.bus_hz < math.inf
+
+    def motor_speed(self, own: float) -> float:
+        """Return the speed of friction and of the torque-speed line [rad/s].
+
+        Slower set-points leave a motor as it is; faster ones are those of a faster
+        motor, so without any limit it has neither.
+
+        Args:
+            own: speed limit of the robot's joint [rad/s].
+        """
+        limit = self.speed_limit_deg_s
+        return own if limit is None else max(own, math.radians(limit))
 
     @property
     def up(self) -> tuple[float, float, float]:
