@@ -382,7 +382,7 @@ def test_ranges_in_radians_that_are_taken_for_degrees_are_doubted(tmp_path):
 def test_ranges_in_degrees_that_are_taken_for_radians_are_doubted(tmp_path):
     text = mjcf().replace("<worldbody>", '<compiler angle="radian"/><worldbody>')
     notes = load(tmp_path, text)[2]
-    assert 'beyond 12.6 rad: is <compiler angle="degree"/> missing?' in notes
+    assert "beyond 12.6 rad: are they in degrees?" in notes
     for degrees, radians in DEGREES:
         text = text.replace(degrees, radians)
     assert "degree" not in load(tmp_path, text)[2]

@@ -255,7 +255,12 @@ def _show(
 ) -> None:
     loop = "with feedback" if feedback else "open loop"
     title = f"{library.robot.name} walks {loop}, {summary.distance_m:.2f} m"
-    heads = ("segment", "time [s]", "commanded [vx,vy,yaw]", "on average [vx,vy,yaw]")
+    heads = (
+        "segment",
+        "time [s]",
+        "commanded [vx,vy,yaw]",
+        "achieved mean [vx,vy,yaw]",
+    )
     rows = [(f"{i}", *_cells(s)) for i, s in enumerate(summary.segments, start=1)]
     if segments:
         print_table(title, heads, rows)

@@ -19,8 +19,7 @@ _WEIGHT = (0.0, 0.0, -GRAVITY)
 _FREE, _SLIDE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_SLIDE
 _HINGE, _BALL = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_BALL
 _TURN = 2.0 * np.pi  # of a joint's range in radians, at most
-WIDEST = 4.0 * np.pi
-"""End of the range of a hinge that turns more than once [rad]; not of one of a leg."""
+_WIDEST = 4.0 * np.pi  # end of the range of a hinge that turns more than once [rad]
 _MOST_DEG = 360.0  # of a range in degrees; beyond it stand for none
 _NQ = {_FREE: 7, _BALL: 4}
 _EULER = mujoco.mjtOrientation.mjORIENTATION_EULER
@@ -78,7 +77,7 @@ def isolate(spec: Any) -> list[str]:
     notes += drop_keys(spec, lambda _: not next(kept) or bool(freed))
     notes += _reset_options(spec)
     notes += _name_all(spec)
-    notes += _into_radians(spec) + _doubt_ranges(spec)
+    notes += _doubt_radians(spec) + _into_radians(spec) + _doubt_ranges(spec)
     if not spec.actuators:
         notes.append("It has no actuators; servos have to be added.")
     return notes
@@ -301,16 +300,16 @@ def _doubt_degrees(items: list[Any]) -> list[str]:
     ]
 
 
-def doubt_radians(spec: Any) -> list[str]:
+def _doubt_radians(spec: Any) -> list[str]:
     """Doubt ranges in radians that no hinge needs, and one in degrees may."""
     hinges = [j for j in spec.joints if j.type == _HINGE and not j.compiler.degree]
-    wide = [j.name for j in hinges if WIDEST < np.abs(j.range).max() <= _MOST_DEG]
+    wide = [j.name for j in hinges if _WIDEST < np.abs(j.range).max() <= _MOST_DEG]
     if not wide:
         return []
     return [
         Doubt(
-            f"Ranges of {listed('joint', wide)} beyond {WIDEST:.3g} rad: is "
-            '<compiler angle="degree"/> missing?'
+            f"Limits of {listed('joint', wide)} beyond {_WIDEST:.3g} rad: are they in "
+            'degrees? A URDF has radians, an MJCF says <compiler angle="degree"/>.'
         )
     ]
 

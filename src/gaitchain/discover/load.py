@@ -15,7 +15,7 @@ import mujoco
 from gaitchain.discover.balls import weld_balls
 from gaitchain.discover.catalogue import find_robot_file
 from gaitchain.discover.gears import fold_gears
-from gaitchain.discover.isolate import doubt_radians, isolate
+from gaitchain.discover.isolate import isolate
 from gaitchain.discover.linkages import fold_linkages
 from gaitchain.discover.repair import repair
 from gaitchain.discover.tendons import fold_tendons
@@ -86,7 +86,6 @@ def load_model(robot: str | Path) -> RobotModel:
         with _warnings_kept() as warned:
             spec, notes, speeds = _read(path)
             strict = speeds is None  # MJCF says itself where its meshes are
-            notes += doubt_radians(spec) if strict else []
             notes += isolate(spec) + fold_tendons(spec) + fold_gears(spec)
             model, repaired = repair(spec, strict)
             folded = fold_linkages(spec)

@@ -9,7 +9,6 @@ from typing import Any
 
 import mujoco
 
-from gaitchain.discover.isolate import WIDEST
 from gaitchain.discover.notes import Doubt, listed
 from gaitchain.discover.urdf_meshes import find_meshes
 from gaitchain.errors import RobotFileError
@@ -18,7 +17,6 @@ _JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _MIMICS = ("revolute", "continuous", "prismatic")
 _MAX_LINKS = 2_000
 _SHOWN = 3
-_TURN = 360.0  # of a limit in degrees; beyond it stand for none
 
 
 def read_urdf(root: ET.Element, path: Path) -> tuple[Any, list[str]]:
@@ -221,23 +219,12 @@ def _joint_notes(root: ET.Element) -> list[str]:
         (lost, "mimic joint", "free, since what it should follow is not in the file"),
         (turned, "joint", "without limits, since the lower lies above the upper"),
     )
-    notes = [f"{listed(what, names)} {how}." for names, what, how in groups if names]
-    wide = [j.get("name", "") for j in joints if _in_degrees(j)]
-    if wide:
-        how = f"beyond {WIDEST:.3g} rad: are they in degrees? A URDF has radians"
-        notes.append(Doubt(f"Limits of {listed('joint', wide)} {how}."))
-    return notes
+    return [f"{listed(what, names)} {how}." for names, what, how in groups if names]
 
 
 def _turned_round(joint: ET.Element) -> bool:
     low, high = _limits(joint)
     return joint.get("type") in ("revolute", "prismatic") and low > high
-
-
-def _in_degrees(joint: ET.Element) -> bool:
-    """Whether a limit is none of a hinge in radians, but may be one in degrees."""
-    widest = max(map(abs, _limits(joint)))
-    return joint.get("type") == "revolute" and WIDEST < widest <= _TURN
 
 
 def _limits(joint: ET.Element) -> tuple[float, float]:

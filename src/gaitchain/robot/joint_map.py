@@ -37,7 +37,7 @@ class JointMap:
         """
         legs, held = model.joint_names, model.held
         names = _given_names(legs if joint_names is None else joint_names)
-        signs = given_signs(signs)
+        signs = _given_signs(signs)
         _check_names(names, legs, held)
         _check_signs(signs, names)
         self.joint_names = names
@@ -76,7 +76,7 @@ class JointMap:
         return MotorTargets(position, *others)
 
 
-def given_signs(signs: object) -> Mapping[str, int]:
+def _given_signs(signs: object) -> Mapping[str, int]:
     """Return what was given as the signs of joints; none by default.
 
     Raises:

@@ -25,7 +25,7 @@ from gaitchain.messages import (
     JointTargets,
     Sensors,
 )
-from gaitchain.robot.joint_map import JointMap, given_signs
+from gaitchain.robot.joint_map import JointMap
 from gaitchain.robot.robot import Robot
 from gaitchain.walker.footsteps import Footstep
 from gaitchain.walker.generator import Decision
@@ -90,23 +90,19 @@ class Walker:
         check_library(library)
         _check_policy(policy)
         check_step_period(period_s, library)
-        signs = given_signs(signs)
         if require_qualified and not library.qualified:
             raise LibraryError(
                 f"the library for {library.robot.name} is not qualified: physics has "
                 "not passed it; build it with `gaitchain build`, which qualifies it"
             )
+        legs = library.robot.legs
+        given = joint_names is not None or signs is not None
+        self._map = JointMap(legs, joint_names, signs) if given else None
         kind = _GAITS[library.family.name]
         make = partial(kind, library, policy, feedback=feedback, period_s=period_s)
         warm_up(make, library, period_s, feedback=feedback)
         self.gait = make()
         """The gait of the library's family: state of the chain, decisions and plan."""
-        legs = library.robot.legs
-        self._map = (
-            None
-            if joint_names is None and not signs
-            else JointMap(legs, joint_names, signs)
-        )
         found = library.robot.identified
         self._mounting = None if found is None else Mounting(found)
         self.joint_names: tuple[str, ...] = (
