@@ -138,3 +138,23 @@ def test_a_replay_that_goes_on_keeps_its_fall(watch, replayed):
     for time_s, at_s, speed in ((60.0, 2.5, 1.0), (0.1, 2.5, 1.0), (0.6, 4.0, 20.0)):
         watch.take(played(told(RES, time_s, **FALLEN), at_s, speed))
         assert watch.latest is replayed
+
+
+@pytest.mark.parametrize(
+    ("first", "tells"), [(1, False), (2000, True)], ids=["beginning", "middle"]
+)
+def test_a_fall_of_which_little_was_seen_says_so(watch, first, tells):
+    """As after a replay was sought to just before it: the cause may be earlier."""
+    for number, row in enumerate((*rows(8.0), told(RES, 8.5, **FALLEN)), start=first):
+        watch.take(replace(row, number=number))
+    sentence = explained(watch).sentence
+    assert (
+        "Only the last 0.50 s before it were seen, and the cause may be in those before"
+        in sentence
+    ) == tells
+
+
+def test_a_fall_of_which_enough_was_seen_hints_at_nothing_earlier(watch):
+    for number, row in enumerate((*rows(4.0, 450), told(RES, 8.5, **FALLEN)), 2000):
+        watch.take(replace(row, number=number))
+    assert "Only the last" not in explained(watch).sentence

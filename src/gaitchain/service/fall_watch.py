@@ -3,9 +3,11 @@
 import logging
 import math
 from collections import deque
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
-from gaitchain.analysis.fall_cause import Explanation, explain
+from gaitchain.analysis.fall_cause import DISTURBED_S, Explanation, explain
 from gaitchain.analysis.rules import Finding
 from gaitchain.errors import GaitchainError
 from gaitchain.gait.library import GaitLibrary
@@ -15,6 +17,7 @@ from gaitchain.service.player_part import SILENCE_S
 from gaitchain.service.schemas import Cause, Fall
 
 _KEPT_S = 12.0
+_FIRST_ROWS = 250  # of a loop, of which some pass before there is anybody to see them
 _MISSED_S = 0.1  # of rows that are not shown at once, or do not arrive
 _LOG = logging.getLogger(__name__)
 
@@ -88,8 +91,9 @@ class FallWatch:
             record = record_of(
                 robot, telemetries, library.timing, since_s=0.0, gait=gait
             )
-            found = explain(robot, record)
-            sentence, cause = found.sentence, _cause(found)
+            unseen = _unseen(telemetries)
+            found = replace(explain(robot, record), whole=not unseen)
+            sentence, cause = f"{found.sentence}{unseen}", _cause(found)
         except GaitchainError as error:
             sentence = f"{sentence} Its cause is not known: {error}."
         except Exception:  # a thread's error would be lost
@@ -104,6 +108,22 @@ def _told(telemetry: Telemetry) -> str:
     reason = telemetry.reason
     what = reason if reason.startswith("fell") else f"lies there: {reason}"
     return f"The robot {what}."
+
+
+def _unseen(telemetries: Sequence[Telemetry]) -> str:
+    """Say where what led to a fall was hardly seen; "" where it was.
+
+    As in a replay that was sought to just before it, or that begins with a file whose
+    beginning was dropped, and when the API was started while the robot walked.
+    """
+    first, fall = telemetries[0], telemetries[-1]
+    seen_s = fall.time_s - first.time_s
+    if seen_s >= DISTURBED_S or first.number <= _FIRST_ROWS:
+        return ""
+    return (
+        f" Only the last {seen_s:.2f} s before it were seen, and the cause may be "
+        "in those before."
+    )
 
 
 def _cause(found: Explanation) -> Cause | None:
