@@ -1,6 +1,7 @@
 """The loop: timed commands come when they are due, and the robot stops after them."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -181,3 +182,32 @@ def test_the_papers_schedules_say_their_commands_too(library, speed):
     record = run_schedule(Walker(library), MujocoBackend(library.robot), schedule)
     assert record.commands == ((0.0, Command(speed)), (9.0, Command()))
     assert record.step_ticks == (0, STEP, 2 * STEP, 3 * STEP, 4 * STEP)
+
+
+class Counted(Walker):
+    """A walker that notes in which row it began each step."""
+
+    def __init__(self, library):
+        self.rows, self.began = 0, []
+        super().__init__(library)
+
+    def step(self, sensors):
+        before, targets = self.gait.steps, super().step(sensors)
+        if self.gait.steps > before:
+            self.began.append(self.rows)
+        self.rows += 1
+        return targets
+
+
+@pytest.mark.parametrize("step_s", [2.9966, 3.005])
+def test_steps_begin_when_the_walker_begins_them_though_they_split_a_period(
+    library, speed, step_s
+):
+    timing = replace(library.timing, step=step_s)
+    walker = Counted(replace(library, timing=timing))
+    schedule = (Segment(Command(speed), steps=5), Segment(Command(0.0), steps=1))
+    record = run_schedule(walker, MujocoBackend(library.robot), schedule)
+    settled = walker.rows - len(record.time_s)
+    began = [row - settled for row in walker.began]
+    assert len(began) == 5
+    assert list(record.step_ticks[: len(began)]) == began

@@ -104,6 +104,22 @@ def test_limp_it_falls_and_connected_it_stands_again(toy_body, toy_library):
     assert toy_body.truth().qpos[2] == pytest.approx(height)
 
 
+@pytest.mark.parametrize("period_s", [0.008, 0.01, 0.02, 0.034])
+def test_a_push_gives_its_impulse_whatever_the_period(res_library, period_s):
+    """Its 0.1 s are no whole number of most periods, nor exact on the clock."""
+    model = build_model(res_library.robot)
+    robot = WholeBodyBackend(model, res_library, period_s)
+    stand = Walker(res_library).stand
+    robot.connect(stand)
+    given = np.zeros(3)
+    for _ in range(3):
+        robot.push(1.0, 0.0)
+        for _ in range(round(0.2 / period_s) + 1):
+            robot.write(stand)
+            given += period_s * robot.data.xfrc_applied[:, :3].sum(axis=0)
+    assert np.linalg.norm(given) == pytest.approx(3.0, rel=0.01)
+
+
 def test_what_its_model_has_not_is_refused(toy_body):
     with pytest.raises(CommandError, match="left_foot"):
         toy_body.push(1.0, 0.0, body="left_foot")

@@ -201,8 +201,8 @@ def _count_steps(
 ) -> tuple[int, ...]:
     """Walk a schedule in steps, which have one command each and equal duration."""
     commands = step_commands(schedule)
-    each = _tick(loop.walker.library.timing.step)
-    step_ticks = tuple(each * i for i in range(len(commands)))
+    step_s = loop.walker.library.timing.step
+    step_ticks = tuple(_first_tick(i * step_s) for i in range(len(commands)))
     loop.walker.follow(commands)
     loop.commands += [next(same) for _, same in groupby(due, lambda pair: pair[1])]
     loop.run_until(step_ticks[-1] + SETTLE_TICKS)
@@ -349,3 +349,8 @@ class _RecordedLoop(WatchedLoop):
 
 def _tick(time_s: float) -> int:
     return round(time_s / CONTROL_PERIOD_S)
+
+
+def _first_tick(time_s: float) -> int:
+    """Return the first control period that does not begin before a time."""
+    return math.ceil(round(time_s / CONTROL_PERIOD_S, 6))

@@ -42,7 +42,7 @@ class WholeBodyBackend(SimulatedMotors):
         Raises:
             CommandError: see `ModelBackend`.
         """
-        self._body = ModelBackend(model, library, period_s)
+        self._body, self._period_s = ModelBackend(model, library, period_s), period_s
         self.model, self.data = self._body.model, self._body.data
         self.whole_joint_names = self._body.joint_names
         """All joints that are driven, in the model's order."""
@@ -87,11 +87,11 @@ class WholeBodyBackend(SimulatedMotors):
         """Hold targets of all joints [rad] for one control period of physics."""
         base, now_s = self._body.in_model.base, float(self.data.time)
         self._pushes = [push for push in self._pushes if push.ends_s > now_s]
-        force = np.zeros(3)
+        impulse = np.zeros(3)
         for push in self._pushes:
-            size = push.impulse_ns / push.duration_s
-            force += size * np.array(push.axis(self._heading))
-        self.data.xfrc_applied[base, :3] = force
+            part = push.impulse_within(now_s, now_s + self._period_s)
+            impulse += part * np.array(push.axis(self._heading))
+        self.data.xfrc_applied[base, :3] = impulse / self._period_s
         self._body.write(position)
 
     def engage(self) -> None:
