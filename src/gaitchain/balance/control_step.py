@@ -33,6 +33,7 @@ from gaitchain.balance.support_foot import Touch, note_slip, see_support, touche
 from gaitchain.messages import Array
 
 _SLACK_S = 1e-9  # control periods do not add up exactly
+_HOME = 5.0  # 1/s: how fast joints that move no foot return to where they stand
 
 
 @compiled
@@ -72,11 +73,33 @@ def control_step(
     rates = rates_of(reference, memory.joints, times.period)
     targets = lead(legs, reference, rates, torques)
     note_com(legs, walk, found, memory.links)
-    for j in range(reference.shape[0]):
-        memory.next_joints[j] = 2.0 * reference[j] - memory.joints[j]
+    expect(legs, reference, times.period, memory)
     memory.joints[:] = reference
     memory.rates[:], memory.torques[:] = rates, torques
     return targets
+
+
+@compiled
+def expect(legs: Legs, reference: Array, period: float, memory: Memory) -> None:
+    """Write where the next pose is looked for from: where the joints are going.
+
+    A leg of seven joints can move all of them and leave its foot where it is. Nothing
+    would end such a motion if it were carried on, so it begins where the leg is, and a
+    little nearer to where it stands.
+
+    Args:
+        legs: the robot.
+        reference: (2 n,) pose of this period [rad].
+        period: control period [s].
+        memory: of the last period; its next joints are rewritten.
+    """
+    free = legs.link_mass.shape[1] > 6
+    home = min(_HOME * period, 1.0)
+    for j in range(reference.shape[0]):
+        way = reference[j] - memory.joints[j]
+        if free:
+            way = home * (legs.start[j] - reference[j])
+        memory.next_joints[j] = reference[j] + way
 
 
 @compiled
