@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from gaitchain.balance.compiled import compiled
-from gaitchain.balance.leg_kinematics import Legs
+from gaitchain.balance.leg_kinematics import Legs, ankle_joints
 from gaitchain.balance.state import Planar
 from gaitchain.errors import CommandError
 from gaitchain.messages import GRAVITY
@@ -41,16 +41,15 @@ class Scale(NamedTuple):
     """[m]"""
     sole_half_width: float
     """[m]"""
-    softness: float
-    """What the ankle servos' kp / (m g h) lacks of 3. A servo of stiffness kp answers a
-    lean of its own accord, like an ankle gain of that; the gain makes up the rest."""
+    softness: Planar
+    """What kp / (m g h) of the ankle's pitch and roll servo lacks of 3. A servo of
+    stiffness kp answers a lean of its own accord, like an ankle gain of that; the gain
+    makes up the rest."""
 
 
 def scale_of(legs: Legs) -> Scale:
     """Return the numbers that a robot's gains are parts of."""
     leg = legs.leg
-    ankle = float(legs.stiffness[legs.knee + 1])
-    own = ankle / (legs.mass * GRAVITY * (leg + legs.ankle_height))
     return Scale(
         leg=leg,
         speed=math.sqrt(GRAVITY * leg),
@@ -61,8 +60,16 @@ def scale_of(legs: Legs) -> Scale:
         firm_front=legs.firm_front,
         firm_rear=legs.firm_rear,
         sole_half_width=legs.sole_half_width,
-        softness=max(0.0, _STIFF - own),
+        softness=_softness(legs),
     )
+
+
+def _softness(legs: Legs) -> Planar:
+    """Return `Scale.softness`; aside that of the pitch where no ankle rolls."""
+    tipping = legs.mass * GRAVITY * (legs.leg + legs.ankle_height)
+    pitch, roll = (legs.stiffness[ankle_joints(legs, turned)] for turned in (1, 0))
+    soft = [_STIFF - float(own[0]) / tipping for own in (pitch, roll) if own.size]
+    return Planar(max(0.0, soft[0]), max(0.0, soft[-1]))
 
 
 class Gain(NamedTuple):
@@ -99,7 +106,7 @@ class Gains(NamedTuple):
     far_zone: Planar = gain(lambda s: Planar(0.071 * s.leg, _ASIDE * s.leg))
     """Errors beyond which a standing robot was pushed [m]."""
     ankle: Planar = gain(
-        lambda s: Planar(1.55 + s.softness, 1.6 + s.softness), open_loop=_NONE
+        lambda s: Planar(1.55 + s.softness.x, 1.6 + s.softness.y), open_loop=_NONE
     )
     """ZMP shift per error; softer servos than 3 m g h need as much more."""
     sole_margin: float = gain(lambda s: 0.22 * s.sole_half_width)

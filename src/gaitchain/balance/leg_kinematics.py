@@ -199,11 +199,24 @@ def _ankle_levers(full: LegModel) -> tuple[float, float]:
     limits = full.torque_limit.reshape(2, -1).min(axis=0)
     levers = []
     for turned in (1, 0):
-        below = np.abs(full.axis[0, full.knee + 1 :, turned]) > MOSTLY
-        own = limits[full.knee + 1 :][below]
+        own = limits[ankle_joints(full, turned)]
         levers.append(float(own[0]) if own.size else np.inf)
     weight = full.mass * GRAVITY
     return levers[0] / weight, levers[1] / weight
+
+
+def ankle_joints(legs: Legs | LegModel, turned: int) -> list[int]:
+    """Return which joints below the knee turn about an axis, in the order of a leg.
+
+    Args:
+        legs: the robot; right legs are as left ones.
+        turned: 0 for roll, 1 for pitch.
+
+    Returns:
+        Their indices in the left leg, often one.
+    """
+    below = range(legs.knee + 1, legs.axis.shape[1])
+    return [j for j in below if abs(legs.axis[0, j, turned]) > MOSTLY]
 
 
 def _in_order(value: Any) -> Any:
