@@ -1,6 +1,9 @@
 """The page that shows how a robot in commission should move, by viser itself."""
 
+import os
 import socket
+import subprocess
+import sys
 from contextlib import closing
 from urllib.error import URLError
 from urllib.request import urlopen
@@ -101,6 +104,39 @@ def test_a_page_is_served_by_another_process_until_it_is_closed():
     assert process.exitcode == 0, "what was asked did not break it"
     with pytest.raises(URLError):
         urlopen(view.address, timeout=PATIENCE_S)
+
+
+LOST_PAGE = """
+import os, signal
+import numpy as np
+from commission_bench import library
+from gaitchain.commission.view import ViewProcess
+
+if __name__ == "__main__":
+    view = ViewProcess(library(), 0)
+    film = np.zeros((2000, 12))
+    view.play(film, 0.01, "Preview")
+    os.kill(view._process.pid, signal.SIGKILL)
+    for _ in range(20):  # more than a pipe holds
+        view.play(film, 0.01, "Preview")
+    view.close()
+    print("closed")
+"""
+
+
+def test_a_page_that_was_killed_keeps_nobody_from_the_end(tmp_path):
+    script = tmp_path / "lost_page.py"
+    script.write_text(LOST_PAGE, "utf-8")
+    path = os.pathsep.join(filter(None, sys.path))
+    done = subprocess.run(
+        [sys.executable, script],
+        env=os.environ | {"PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=True,
+    )
+    assert done.stdout == "closed\n"
 
 
 @pytest.mark.parametrize("port", [0, 65535])  # beyond the last one is none to try

@@ -165,19 +165,19 @@ class ViewProcess:
         now_s = self._clock.now()
         if now_s - self._shown_s >= _PERIOD_S:
             self._shown_s = now_s
-            self._asked.put(("show", np.array(target)))
+            self._ask("show", np.array(target))
 
     def point(self, joint: int, text: str) -> None:
         """See `Screen.point`."""
-        self._asked.put(("point", joint, text))
+        self._ask("point", joint, text)
 
     def play(self, targets: Array, period_s: float, text: str) -> None:
         """See `Screen.play`."""
-        self._asked.put(("play", targets, period_s, text))
+        self._ask("play", targets, period_s, text)
 
     def clear(self) -> None:
         """See `Screen.clear`."""
-        self._asked.put(("clear",))
+        self._ask("clear")
 
     def close(self) -> None:
         """End it."""
@@ -186,6 +186,13 @@ class ViewProcess:
         if self._process.is_alive():
             self._process.terminate()
             self._process.join()
+        # What nobody reads any more would keep this process from its end.
+        self._asked.cancel_join_thread()
+
+    def _ask(self, name: str, *arguments: Any) -> None:
+        """Ask for a method of the view; not where its process has gone."""
+        if self._process.is_alive():
+            self._asked.put((name, *arguments))
 
 
 def _serve(library: GaitLibrary, port: int, title: str, asked: Any, tells: Any) -> None:
