@@ -1,5 +1,6 @@
 """Each stage of commissioning against emulated servos, sound ones and bad ones."""
 
+import random
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -326,6 +327,9 @@ def test_a_servo_that_dies_in_a_stage_ends_it_with_the_torque_off():
         ),
         ({"late": LATE, "rate_hz": 80.0}, "answers come late"),
         ({"late": IN_TIME, "lost": 0.02}, "check cables"),
+        ({"imu_missed": 10}, "the IMU, which missed 10 of 100"),
+        ({"imu_missed": 1}, ""),
+        ({"lost": 0.02, "missed": np.zeros(12, int)}, "plugs; then supply"),
     ],
 )
 def test_timing_is_judged_by_what_was_qualified(changes, todo):
@@ -428,6 +432,23 @@ def test_a_bus_that_loses_packets_is_no_go():
         bus.bus.drop = 0.0
     assert verdict.outcome == "no-go"
     assert verdict.measured.get("lost_percent", 100.0) > 1.0
+
+
+@pytest.mark.slow
+def test_an_imu_that_loses_its_answers_is_named():
+    drawn = random.Random(1)
+    with robot(rate_hz=20.0) as (bench, bus):
+        passed = bus.bus._passed
+
+        def lossy(packet):
+            lost = packet[4:5] == bytes([IMU.id]) and drawn.random() < 0.3
+            return b"" if lost else passed(packet)
+
+        bus.bus._passed = lossy
+        verdict = check_timing(bench)
+        bus.bus._passed = passed
+    assert verdict.outcome == "no-go"
+    assert "most of all before the IMU, which missed" in verdict.todo
 
 
 @pytest.mark.slow

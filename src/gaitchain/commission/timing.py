@@ -34,6 +34,8 @@ class Timing:
     """Part of the requested answers that did not arrive."""
     missed: Array
     """(2 n,) how often each joint did not answer."""
+    imu_missed: int = 0
+    """How often the IMU did not; 0 of one that never does, or is not on the bus."""
     late: Lateness | None = None
     """How late answers come by themselves; None where that is not known."""
 
@@ -108,18 +110,21 @@ def measure(
     Raises:
         BackendError: no servo answers.
     """
-    pacer, delays, came = Pacer(Clock(), period_s), [], []
+    pacer, delays, came, felt = Pacer(Clock(), period_s), [], [], []
     goal = np.nan_to_num(backend.read().joint_position)
     before, begin = backend.health(), time.monotonic()
     count = max(2, round(seconds / period_s))
     for _ in range(count):
         pacer.wait()
         start = time.monotonic()
-        angles = backend.read().joint_position
+        sensors = backend.read()
+        angles = sensors.joint_position
         goal = np.where(np.isfinite(angles), angles, goal)
         backend.write(goal)
         delays.append(time.monotonic() - start + write_s)
         came.append(np.isfinite(angles))
+        inertial = *sensors.angular_velocity, *sensors.acceleration
+        felt.append(bool(np.isfinite(inertial).all()))
     took_s, after = time.monotonic() - begin, backend.health()
     lost = (after.lost - before.lost) / max(after.sent - before.sent, 1)
     return Timing(
@@ -128,6 +133,7 @@ def measure(
         late_p99_s=pacer.pace.late_p99_s,
         lost=lost,
         missed=count - np.sum(came, axis=0),
+        imu_missed=felt.count(False) if any(felt) else 0,
     )
 
 
@@ -180,15 +186,18 @@ def _remedy(bench: Bench, timing: Timing, qualified_s: float) -> str:
 
 def _loss(bench: Bench, timing: Timing) -> str:
     """Say what to do about lost answers; empty if few are."""
-    if timing.lost > _MOST_LOST:
-        worst = int(np.argmax(timing.missed))
-        name = bench.library.robot.legs.joint_names[worst]
-        return (
-            f"at most {_MOST_LOST:.0%} may be lost: check cables and plugs, most of "
-            f"all before {name}, which missed {timing.missed[worst]} of "
-            f"{len(timing.delays_s)}; then supply, ground, and a lower baud rate"
-        )
-    return ""
+    periods = len(timing.delays_s)
+    if max(timing.lost, timing.imu_missed / periods) <= _MOST_LOST:
+        return ""
+    names = *bench.library.robot.legs.joint_names, "the IMU"
+    missed = [*timing.missed, timing.imu_missed]
+    worst = int(np.argmax(missed))
+    which = f"{names[worst]}, which missed {missed[worst]} of {periods}"
+    where = f", most of all before {which}" if missed[worst] else ""
+    return (
+        f"at most {_MOST_LOST:.0%} may be lost, and of the IMU's: check cables and "
+        f"plugs{where}; then supply, ground, and a lower baud rate"
+    )
 
 
 def _slowness(bench: Bench, timing: Timing, qualified_s: float) -> str:
