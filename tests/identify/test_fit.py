@@ -171,6 +171,21 @@ def test_a_robot_that_stands_tells_how_late_its_imu_is(monkeypatch):
     assert np.sqrt(covariance[own, own]) < 0.3
 
 
+def test_where_every_replay_falls_that_is_said(monkeypatch):
+    """Of a file whose trunk is too far ahead to stand."""
+    monkeypatch.setitem(motion_fit.SURE_REPLAYS, "standing", 2)
+    ahead = RES.legs.trunk_com + np.array([0.3, 0.0, 0.0])
+    other = with_legs(RES, replace(RES.legs, trunk_com=ahead))
+    parameters = Parameters(RES.legs.joint_names)
+    size = len(parameters.all)
+    sway = Motion("standing", exercise(RES)[1].targets[200:400])
+    log = log_of(sway, parameters.read(np.zeros(size))[0])
+    motion = MotionFit(other, log.parts[0], parameters, 1)
+    belief = Belief(np.zeros(size), 1e-4 * np.eye(size))
+    with pytest.raises(LogError, match="every replay of the log falls"):
+        motion.certainty(belief.mean, belief, np.random.default_rng(0))
+
+
 def test_the_damping_of_servos_that_have_none_stays_unknown(monkeypatch):
     """As OP3's, whose file gives all of it to the joints."""
     robot = with_legs(RES, replace(RES.legs, joint_damping=RES.legs.damping))

@@ -240,6 +240,9 @@ class MotionFit:
             found: the numbers.
             belief: without this motion.
             rng: source of randomness.
+
+        Raises:
+            LogError: of no pair of opposite numbers both replays stayed on their feet.
         """
         around, number = SURE[self.support], SURE_REPLAYS[self.support]
         tried = self._clipped(found + self._around(belief, around, number, rng))
@@ -247,6 +250,7 @@ class MotionFit:
         tables = self._tables(replays)
         rows = tables[1:] * self._weights(tables[0])
         stood = np.logical_and(*self._stood(replays[1:]).reshape(2, -1))
+        _check_stood(np.flatnonzero(stood))
         moved, apart = _halves(tried)[stood], _halves(rows)[stood]
         told = np.zeros_like(belief.covariance)
         for sensors, numbers in self._effects():
@@ -311,12 +315,11 @@ class MotionFit:
             tables: what each missed.
             stood: which of them stayed on their feet.
             weights: 1 / s, (2 n + 6,).
+
+        Raises:
+            LogError: none did.
         """
-        if not stood.size:
-            raise LogError(
-                "every replay of the log falls, as if it were that of another robot; "
-                "check the masses and the servos of the file"
-            )
+        _check_stood(stood)
         rows = weights * np.array([tables[i] for i in stood])
         residual = np.zeros(rows.shape[1:])
         slope = np.zeros((*residual.shape, moved.shape[1]))
@@ -370,6 +373,19 @@ class MotionFit:
             *((np.flatnonzero(of), np.array(numbers)) for of, numbers in legs),
             (imu, np.array([*chosen("tilt"), *lean])),
         ]
+
+
+def _check_stood(stood: Columns) -> None:
+    """Refuse replays of which none stayed on its feet.
+
+    Raises:
+        LogError: it is so.
+    """
+    if not stood.size:
+        raise LogError(
+            "every replay of the log falls, as if it were that of another robot; "
+            "check the masses and the servos of the file"
+        )
 
 
 def _halves(rows: Array) -> Array:

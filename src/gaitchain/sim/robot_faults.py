@@ -63,8 +63,9 @@ def likely_robot(robot: Robot, world: World) -> Robot:
 def unsure(robot: Robot) -> dict[str, float]:
     """Return fields of `World` for what is left unknown of an identified robot.
 
-    It is drawn as the log leaves it, play, friction and delays too; what other robots
-    have of these is not drawn in addition.
+    It is drawn as the log leaves it, play, friction and delays too. What other robots
+    have of these is not drawn in addition, but for delays: those of the world come
+    beside the robot's own, as its bus may be slower than it was.
     """
     if robot.identified is None:
         return {}
