@@ -332,7 +332,8 @@ def test_the_crc_is_that_of_the_sdk():
 
 
 @pytest.mark.parametrize(
-    ("model", "counts"), [(1020, 228), (1200, 614), (1060, 0), (9999, 0)]
+    ("model", "counts"),
+    [(1020, 228), (1310, 228), (1200, 614), (1060, 0), (9999, 0)],
 )
 def test_a_current_is_in_the_unit_of_the_model(model, counts):
     """20 A/rad times 20 of 4096 counts; two models have no known unit."""
