@@ -5,13 +5,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from servo_bench import RES, mounted_oddly
+from servo_bench import PATIENT_S, RES, few, mounted_oddly, patient_bus
 
-from gaitchain.backends.dynamixel import load_calibration, save_calibration
+from gaitchain.backends.dynamixel import (
+    DynamixelBackend,
+    ServoBusEmulator,
+    load_calibration,
+    save_calibration,
+)
 from gaitchain.backends.dynamixel.calibration import (
     Calibration,
     ImuCalibration,
     JointCalibration,
+    check_calibration,
     check_joints,
     check_robot,
     plain_calibration,
@@ -120,6 +126,42 @@ def test_a_bad_value_is_named(line, instead, said):
 def test_a_bad_imu_is_named(line, instead, said):
     with pytest.raises(CalibrationError, match=said):
         parse_calibration((TEXT + IMU_TEXT).replace(line, instead, 1), "robot.toml")
+
+
+def test_an_imu_is_within_the_addresses_of_its_protocol():
+    feetech = calibration_text(plain_calibration(RES, make="feetech"))
+    last = IMU_TEXT.replace("= 44", "= 250")  # 6 bytes, the last at 255
+    assert parse_calibration(feetech + last).imu.accelerometer == 250
+    beyond = IMU_TEXT.replace("= 44", "= 251")
+    said = r"imu\.accelerometer = 251: 6 bytes from there .* feetech .* 0 to 250"
+    with pytest.raises(CalibrationError, match=said):
+        parse_calibration(feetech + beyond, "robot.toml")
+    assert parse_calibration(TEXT + beyond).imu.accelerometer == 251
+    far = IMU_TEXT.replace("gyro = 38", "gyro = 254").replace("= 44", "= 38")
+    with pytest.raises(CalibrationError, match=r"imu\.gyro = 254: 6 bytes"):
+        parse_calibration(feetech + far)
+
+
+@pytest.mark.parametrize(("format_", "size"), [("int16", 6), ("float32", 12)])
+def test_what_may_be_asked_of_an_imu_comes_in_one_answer(format_, size):
+    """The farthest that is allowed is heard; one further is refused."""
+    calibration = msgspec.structs.replace(few(1), make="feetech")
+    imu = msgspec.structs.replace(IMU, format=format_, gyro=1, accelerometer=249 - size)
+    calibration = msgspec.structs.replace(calibration, imu=imu)
+    check_calibration(calibration, "robot.toml")
+    with patient_bus(), ServoBusEmulator.like(calibration) as bus:
+        robot = DynamixelBackend(bus.port, calibration, ["a"], PATIENT_S)
+        robot.connect(np.zeros(1))
+        try:
+            assert robot.read().acceleration == pytest.approx(
+                [0.0, 0.0, 9.81], abs=0.01
+            )
+        finally:
+            robot.close()
+    further = msgspec.structs.replace(imu, gyro=0)
+    said = f"{249 - size} after gyro = 0, .* allowed: {248 - size}$"
+    with pytest.raises(CalibrationError, match=said):
+        check_calibration(msgspec.structs.replace(calibration, imu=further), "x")
 
 
 @pytest.mark.parametrize("content", [b"", b"\xff\xfe", b"a = " + b"9" * 6000])

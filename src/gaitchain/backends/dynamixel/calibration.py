@@ -144,7 +144,7 @@ def check_calibration(calibration: Calibration, origin: str) -> None:
     if calibration.imu is not None:
         ids.append(calibration.imu.id)
         _check_id(calibration.imu.id, f"{origin}: imu", calibration.make)
-        _check_imu(calibration.imu, origin)
+        _check_imu(calibration.imu, origin, calibration.make)
     for number, times in Counter(ids).items():
         if times > 1:
             sharing = [o for o, i in zip(owners, ids, strict=False) if i == number]
@@ -237,7 +237,7 @@ def _check_joint(joint: JointCalibration, where: str, make: str) -> None:
         )
 
 
-def _check_imu(imu: ImuCalibration, origin: str) -> None:
+def _check_imu(imu: ImuCalibration, origin: str, make: str) -> None:
     if not np.isclose(np.linalg.det(imu.turn), 1.0):
         raise CalibrationError(
             f"{origin}: imu.axes = {list(imu.axes)}: no right-handed set of axes; such "
@@ -248,4 +248,25 @@ def _check_imu(imu: ImuCalibration, origin: str) -> None:
         raise CalibrationError(
             f"{origin}: imu.accelerometer = {imu.accelerometer}: overlaps gyro = "
             f"{imu.gyro}; each has {size} bytes"
+        )
+    _check_read(imu, origin, make)
+
+
+def _check_read(imu: ImuCalibration, origin: str, make: str) -> None:
+    """Refuse places that one request of the make's protocol cannot ask for."""
+    wire, size = make_named(make).wire, imu.vector_bytes
+    places = {"gyro": imu.gyro, "accelerometer": imu.accelerometer}
+    first, last = sorted(places, key=lambda name: places[name])
+    most = wire.last_address + 1 - size
+    if places[last] > most:
+        raise CalibrationError(
+            f"{origin}: imu.{last} = {places[last]}: {size} bytes from there go beyond "
+            f"the addresses of {make} servos; allowed: 0 to {most}"
+        )
+    apart = places[last] - places[first]
+    if apart + size > wire.most_data:
+        raise CalibrationError(
+            f"{origin}: imu.{last} = {places[last]}: {apart} after {first} = "
+            f"{places[first]}, which is too much for one answer of {make} servos; "
+            f"allowed: {wire.most_data - size}"
         )

@@ -42,6 +42,10 @@ class Wire(Protocol):
     """Result of the SDK for a packet of which no byte came."""
     last_id: int
     """Highest id that a servo may have."""
+    last_address: int
+    """Last byte of a table that can be asked for."""
+    most_data: int
+    """Most bytes of a table in one answer."""
     knows_ping_all: bool
     """Whether one broadcast finds all servos."""
     knows_fast: bool
@@ -107,6 +111,7 @@ class Protocol2:
 
     frame, request, timeout = 11, 14, -3001
     last_id = 252
+    last_address, most_data = 2**16 - 1, 1020
     knows_ping_all = knows_fast = True
 
     def __init__(self, port: ServoPort) -> None:

@@ -25,6 +25,7 @@ class StsProtocol:
 
     frame, request, timeout = 6, 8, -6
     last_id = 253
+    last_address, most_data = 255, 248
     knows_ping_all = knows_fast = False
 
     def __init__(self, port: ServoPort) -> None:
