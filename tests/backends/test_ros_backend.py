@@ -303,7 +303,7 @@ def test_a_closed_backend_sends_nothing(backend):
 
 
 def test_without_an_imu_the_robot_rests(links, robot):
-    backend = RosBackend(links[0], NAMES, 0.01, timeout_s=0.01)
+    backend = RosBackend(links[0], NAMES, 0.01, timeout_s=0.01, clock=lambda: 5.0)
 
     def heard():
         robot.tell()
@@ -337,6 +337,28 @@ def test_a_silent_robot_is_an_error_that_names_the_topic(links):
     with pytest.raises(BackendError, match="left_knee, right_knee, left_hip"):
         backend.engage()
     assert words in backend.health().note
+
+
+def test_a_robot_that_fell_silent_is_not_connected_again(backend, robot):
+    """By a reset, in a control loop, which must not stand still for long."""
+    robot.joints["left_knee"] = 0.7
+    robot.tell()
+    until(lambda: backend.read().joint_position[0] == 0.7)  # nothing is on its way
+    backend.now += 300.0
+    waited, wait = [], backend._state_came.wait
+    backend._state_came.wait = lambda s: waited.append(s) or wait(s)
+    with pytest.raises(BackendError, match=r"nothing came on .* within 0\.4 s"):
+        backend.connect(np.zeros(3))
+    assert waited == [0.4]
+    assert "nothing came" in backend.health().note
+
+    def heard():
+        robot.tell()
+        return not backend.health().note.startswith("nothing came")
+
+    until(heard)
+    backend.connect(np.zeros(3))
+    assert backend.read().time == backend.now
 
 
 def test_another_robot_is_an_error_that_names_both(links, robot):

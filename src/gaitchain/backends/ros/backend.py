@@ -16,6 +16,7 @@ from gaitchain.errors import BackendError
 from gaitchain.messages import GRAVITY, Array, MotorTargets, Sensors
 
 _IMU_WAIT_S = 1.0
+_AGAIN_WAIT_S = 0.4  # for joint states, once there were some
 _SILENT_S = 0.1  # older measurements are not used
 _NO_TURN, _UPRIGHT = np.zeros(3), np.array([0.0, 0.0, GRAVITY])
 _NONE = np.full(3, np.nan)
@@ -64,7 +65,7 @@ class RosBackend:
             period_s: control period, in which a target is to be reached after its
                 arrival [s].
             topics: names of the topics.
-            timeout_s: how long `connect` waits for joint states [s].
+            timeout_s: how long the first `connect` waits for joint states [s].
             clock: monotonic clock of the control loop, used for `Sensors.time` [s].
 
         Raises:
@@ -84,7 +85,7 @@ class RosBackend:
         link.subscribe(topics.imu, Imu, self._on_imu)
 
     def connect(self, position: Array) -> None:
-        """Wait for the robot's joint states; the robot is not moved.
+        """Wait for recent joint states of the robot, which is not moved.
 
         Args:
             position: not used.
@@ -93,12 +94,15 @@ class RosBackend:
             BackendError: no joint state arrived in time, or none with the robot's
                 joints.
         """
+        if self._silent_s > _SILENT_S:
+            self._state_came.clear()
         if not self._state_came.wait(self._timeout_s):
             raise BackendError(self._unheard())
-        # A robot without an IMU can be watched, so that is no error. The wait is not
-        # repeated at a reconnect, which may happen inside a control loop.
+        # A robot without an IMU can be watched, so that is no error. A reconnect waits
+        # shortly, as it may happen inside a control loop.
         self._imu_came.wait(min(self._imu_wait_s, self._timeout_s))
         self._imu_wait_s = 0.0
+        self._timeout_s = min(self._timeout_s, _AGAIN_WAIT_S)
 
     def read(self) -> Sensors:
         """Return the latest measurements.
@@ -180,8 +184,13 @@ class RosBackend:
         self._closed = True
         self._link.close()
 
+    @property
+    def _silent_s(self) -> float:
+        """Age of the newest joint state, NaN without any [s]."""
+        return self._clock() - self._states.latest().time
+
     def _note(self) -> str:
-        silent_s = self._clock() - self._states.latest().time
+        silent_s = self._silent_s
         missing = self._states.missing()
         if not self._state_came.is_set():
             return self._unheard()
