@@ -56,6 +56,18 @@ def test_a_limp_servo_that_was_turned_past_its_zero_is_where_it_is(
     assert abs((gap_deg + 180.0) % 360.0 - 180.0) < 1e-6
 
 
+@given(joints(), st.integers(-2 * COUNTS, 3 * COUNTS))
+def test_whoever_is_not_beyond_its_zero_can_be_held_where_it_is(joint, count):
+    angles, counts = ServoAngles([joint]), np.array([count])
+    at = np.degrees(angles.positions(counts))[0]
+    outside_deg = max(joint.lower - at, at - joint.upper, 0.0)
+    turned_deg = abs(angles.goals(np.radians([at]))[0] - count) * DEG_PER_COUNT
+    if not angles.beyond_zero(counts)[0]:
+        assert turned_deg <= outside_deg + 2.0 * DEG_PER_COUNT
+    elif 0 <= count < COUNTS:
+        assert turned_deg >= 360.0 - outside_deg - 2.0 * DEG_PER_COUNT
+
+
 def test_velocity_has_the_sign_of_the_joint():
     angles = ServoAngles(list(mounted_oddly().joints.values()))
     speed = angles.velocities(np.full(12, 100.0))

@@ -36,6 +36,7 @@ from gaitchain.backends.dynamixel.control_table import (
     WATCHDOG_TRIPPED,
     Block,
 )
+from gaitchain.backends.makes import MAKES
 from gaitchain.errors import BackendError, CalibrationError
 
 pytest.importorskip("dynamixel_sdk")
@@ -393,6 +394,30 @@ def test_a_joint_outside_its_limits_is_not_engaged():
         with pytest.raises(BackendError, match=r"b is at 140\.0 deg, outside.*-90.*90"):
             robot.engage()
         assert not any(servo.torque_seen for servo in bus.servos.values())
+
+
+@pytest.mark.parametrize("make", MAKES)
+@pytest.mark.parametrize(
+    ("angle_deg", "count"), [(357.0, 4062), (359.95, 4095), (363.0, 4130), (-2.0, -23)]
+)
+def test_a_joint_past_its_servos_zero_is_not_engaged(make, angle_deg, count):
+    """In position mode the servo would turn back all the way round."""
+    joints = few(2, lower=-60.0).joints
+    joints["a"] = TURN(joints["a"], offset=60.0)
+    with bench(TURN(few(2), joints=joints, make=make)) as (bus, robot, clock):
+        bus.turn(1, angle_deg)
+        at = (angle_deg - 60.0 + 180.0) % 360.0 - 180.0
+        seen = np.degrees(robot.read().joint_position)
+        assert seen == pytest.approx([at, 0.0], abs=0.1)
+        said = rf"a \(id 1\) is beyond its servo's zero \(count {count}\), .*remount"
+        with pytest.raises(BackendError, match=said):
+            robot.engage()
+        assert not any(servo.torque_seen for servo in bus.servos.values())
+        bus.turn(1, 2.0)
+        robot.engage()
+        robot.write(robot.read().joint_position)
+        wait(robot, clock, 1.0)
+        assert bus.angle_deg(1) == pytest.approx(2.0, abs=0.1)
 
 
 def test_a_servo_that_cannot_turn_its_torque_on_leaves_all_off():

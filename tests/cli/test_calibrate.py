@@ -35,6 +35,7 @@ from gaitchain.backends.dynamixel.emulator import EmulatedImu
 from gaitchain.backends.dynamixel.guide import (
     Mounted,
     angle_of,
+    ends_at_zero,
     joint_at,
     joint_words,
     seen_limits,
@@ -704,6 +705,14 @@ def test_limits_are_narrowed_to_what_the_servo_can_do():
     joint = joint_at(Mounted(7, -1, setup), 100, 0.0, (-60.0, 70.0))
     assert (joint.lower, joint.upper) == pytest.approx((-60.0, 8.79), abs=0.01)
     assert joint.servo_range[0] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("counts", "ends"), [(100, True), (2048, False), (3900, True)])
+def test_a_joint_whose_servo_ends_inside_its_limits_is_known(counts, ends):
+    setup = ServoSetup(MODELS[1020], 0.0, 80, 0, 4095)
+    for sign in (1, -1):
+        joint = joint_at(Mounted(7, sign, setup), counts, 0.0, (-60.0, 70.0))
+        assert ends_at_zero(joint) == ends
 
 
 def test_limits_seen_keep_off_the_stops():

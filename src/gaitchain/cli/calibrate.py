@@ -28,6 +28,7 @@ from gaitchain.backends.dynamixel.guide import (
     LEAST_MOVE_DEG,
     Mounted,
     angle_of,
+    ends_at_zero,
     joint_at,
     joint_words,
     positions,
@@ -51,6 +52,10 @@ from gaitchain.robot.leg_model import LegModel
 from gaitchain.robot.robot import Robot
 
 _OTHER_WAY = "-"
+_NO_FURTHER = (
+    "; beyond that its torque is not turned on: if it moves there, remount the horn, "
+    "with 180 deg about the middle of the joint's range"
+)
 
 
 def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
@@ -228,6 +233,7 @@ class _Guided:
                 say(
                     f"  {name}: limits {limits[0]:.1f} to {limits[1]:.1f} deg narrowed "
                     f"to {joint.lower:.1f} to {joint.upper:.1f} by its servo's range"
+                    f"{_NO_FURTHER * ends_at_zero(joint)}"
                 )
             joints[name] = joint
         return joints

@@ -57,10 +57,24 @@ class ServoAngles:
         A limp servo that is turned past its zero counts beyond one turn, so the turn
         nearest to the joint's range is taken.
         """
-        angle = self.sign * (counts * _RAD_PER_COUNT - self._zero)
         return np.asarray(
-            angle - _TURN * np.round((angle - self._middle) / _TURN), dtype=float
+            self._unturned(counts) - _TURN * self._turns(counts), dtype=float
         )
+
+    def beyond_zero(self, counts: Array) -> NDArray[np.bool_]:
+        """Return which servos (n,) are not in the one turn that goals are of.
+
+        In position mode a servo does not turn over its zero: from such a position it
+        would turn all the way round to its goal.
+        """
+        outside = (counts < 0) | (counts >= COUNTS)
+        return np.asarray(outside | (self._turns(counts) != 0.0))
+
+    def _unturned(self, counts: Array) -> Array:
+        return np.asarray(self.sign * (counts * _RAD_PER_COUNT - self._zero))
+
+    def _turns(self, counts: Array) -> Array:
+        return np.round((self._unturned(counts) - self._middle) / _TURN)
 
     def velocities(self, counts: Array) -> Array:
         """Return joint velocities (n,) [rad/s] from velocities in counts."""

@@ -8,7 +8,7 @@ import numpy as np
 from gaitchain.backends.dynamixel import control_table as table
 from gaitchain.backends.dynamixel.angles import shortest_turn_deg
 from gaitchain.backends.dynamixel.bus import ServoBus
-from gaitchain.backends.dynamixel.calibration import JointCalibration
+from gaitchain.backends.dynamixel.calibration import TURN_DEG, JointCalibration
 from gaitchain.backends.dynamixel.servos import ServoSetup
 from gaitchain.errors import BackendError, CommandError
 from gaitchain.messages import Array
@@ -142,6 +142,13 @@ def joint_at(
         upper=round(min(limits[1], high), 3),
         model=setup.model.name,
     )
+
+
+def ends_at_zero(joint: JointCalibration) -> bool:
+    """Return whether a joint's limits reach its servo's zero, where a turn ends."""
+    low, high = joint.servo_range
+    last = TURN_DEG - table.DEG_PER_COUNT
+    return low < table.DEG_PER_COUNT or high > last - table.DEG_PER_COUNT
 
 
 def angle_of(joint: JointCalibration, counts: int) -> float:

@@ -166,7 +166,7 @@ def hold_here(
 
     Raises:
         BackendError: a servo does not answer or confirm, or a joint is far outside its
-            limits.
+            limits or beyond its servo's zero.
     """
     names = {joint.id: label(name, joint) for name, joint in joints.items()}
     ids = list(names)
@@ -175,6 +175,7 @@ def hold_here(
     refuse(bus, names, [n for n in ids if n not in found], "does not answer")
     counts = np.array([make.measured(found[n])[2] for n in ids])
     _check_inside(list(joints), angles, angles.positions(counts))
+    _check_turn(bus, list(names.values()), angles, counts)
     goals = dict(zip(ids, counts.tolist(), strict=True))
     limits = {j.id: min(j.pwm_limit, most_pwm) for j in joints.values()}
     for block, values in make.holding(goals, limits, watchdog):
@@ -237,4 +238,17 @@ def _check_inside(names: Sequence[str], angles: ServoAngles, position: Array) ->
                 f"{name} is at {at:.1f} deg, outside its limits {low:.1f} to "
                 f"{high:.1f}: move it inside by hand, or calibrate again if that is "
                 "wrong"
+            )
+
+
+def _check_turn(
+    bus: ServoBus, labels: Sequence[str], angles: ServoAngles, counts: Array
+) -> None:
+    beyond = angles.beyond_zero(counts)
+    for name, count, is_beyond in zip(labels, counts, beyond, strict=True):
+        if is_beyond:
+            raise BackendError(
+                f"{bus.name}: {name} is beyond its servo's zero (count {count}), over "
+                "which the servo does not turn back: turn the joint inside its limits "
+                "by hand and switch the supply off and on, or remount the horn"
             )
