@@ -30,6 +30,7 @@ from gaitchain.backends.dynamixel.control_table import (
     HIGHEST_POSITION,
     OPERATING_MODE,
     PROFILE,
+    PWM_LIMIT,
     RETURN_DELAY,
     STATUS_LEVEL,
     TEMPERATURE,
@@ -578,6 +579,18 @@ def test_profiles_and_the_limit_of_the_voltage_are_set():
             robot.engage()
             for servo in bus.servos.values():
                 assert servo.read(GOAL_PWM)[1] == counts.to_bytes(2, "little")
+
+
+def test_a_servo_is_not_asked_for_more_voltage_than_it_allows():
+    with bench(few(2, pwm_limit=80.0)) as (bus, robot, _):
+        bus.servos[2].put(PWM_LIMIT, 500)
+        robot.connect(np.zeros(2))
+        for most, counts in ((100.0, (708, 500)), (50.0, (442, 442))):
+            robot.limit_torque(most)
+            robot.engage()
+            data = [bus.servos[n].read(GOAL_PWM)[1] for n in (1, 2)]
+            assert [int.from_bytes(two, "little") for two in data] == list(counts)
+            assert all(servo.torque for servo in bus.servos.values())
 
 
 def test_the_end_lets_go_of_servos_whose_port_was_lost_and_is_back():

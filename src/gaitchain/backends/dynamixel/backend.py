@@ -101,6 +101,7 @@ class DynamixelBackend:
         self.engaged = False
         """Whether the torque was turned on since `connect`."""
         self._most_pwm = MOST_PWM
+        self._pwm_limits: dict[int, float] = {}  # of calibration and servos, by id
         self._holding: list[int] = []  # ids that did not confirm torque off
         self._may_hold: list[int] = []
         self._in_use = False  # from the first `connect` to `close`
@@ -155,6 +156,8 @@ class DynamixelBackend:
         self._angles = ServoAngles(list(self._joints.values()), self._make)
         ranges = np.array([(setup.lowest, setup.highest) for setup in setups])
         self._angles.narrow(*ranges.T)
+        pairs = zip(self._joints.values(), setups, strict=True)
+        self._pwm_limits = {j.id: min(j.pwm_limit, s.pwm_limit) for j, s in pairs}
         self._amperes = np.array([setup.model.amperes_per_count for setup in setups])
         self._watch = ServoWatch(self._labels, setups, self._make)
         load = self.load
@@ -210,7 +213,7 @@ class DynamixelBackend:
         )
 
     def limit_torque(self, most_pwm: float) -> None:
-        """Bound the torque from the next `engage` on, beside the calibration's limits.
+        """Bound the torque from the next `engage` on, as calibration and servos do.
 
         Args:
             most_pwm: limit of each servo [% of the supply voltage].
@@ -227,8 +230,11 @@ class DynamixelBackend:
         self._bus.patience_s, self.engaged = _IDLE_PATIENCE_S, True
         try:
             with self._bus.hurried(_MISSING_WAIT_S):
-                joints, most = self._joints, self._most_pwm
-                hold_here(self._bus, joints, self._angles, self._watchdog, most)
+                limits = {
+                    n: min(p, self._most_pwm) for n, p in self._pwm_limits.items()
+                }
+                joints, angles = self._joints, self._angles
+                hold_here(self._bus, joints, angles, self._watchdog, limits)
         except BackendError:
             self.release()
             raise

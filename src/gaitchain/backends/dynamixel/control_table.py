@@ -47,6 +47,7 @@ class Block:
 RETURN_DELAY = Block(9, 1)  # [2 us]
 OPERATING_MODE = Block(11, 1)
 TEMPERATURE_LIMIT = Block(31, 1)
+PWM_LIMIT = Block(36, 2)
 HIGHEST_POSITION = Block(48, 4)
 LOWEST_POSITION = Block(52, 4)
 TORQUE = Block(64, 1)

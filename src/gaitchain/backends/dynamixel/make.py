@@ -29,6 +29,8 @@ class Settings(NamedTuple):
     lowest: int
     """Least accepted goal [counts]."""
     highest: int
+    pwm_limit: float = 100.0
+    """Largest part of the supply voltage that may be asked for [%]."""
 
 
 class SetupBlocks(NamedTuple):
@@ -154,6 +156,11 @@ class Dynamixel(Make):
         "does not obey; overload, heat, supply, or outside its Position Limits(52, 48)?"
     )
     examples = "xm430-w350, xl330-m288, mx-64 with protocol 2.0"
+
+    def settings(self, data: bytes) -> Settings:
+        """Return what the block `setup` says."""
+        limit = table.PWM_LIMIT.unsigned(data, table.SETUP)
+        return super().settings(data)._replace(pwm_limit=100.0 * limit / table.FULL_PWM)
 
     def measured(self, data: bytes) -> tuple[int, int, int]:
         """Return current, velocity and position of the block `present` [counts]."""

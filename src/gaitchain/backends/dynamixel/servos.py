@@ -28,6 +28,8 @@ class ServoSetup:
     lowest: int
     """Smallest accepted goal position, in counts."""
     highest: int
+    pwm_limit: float = MOST_PWM
+    """Largest part of the supply voltage that may be asked for [%]."""
 
 
 def survey(bus: ServoBus, joints: Mapping[str, JointCalibration]) -> list[ServoSetup]:
@@ -106,6 +108,7 @@ def servo_setup(
         temperature_limit=settings.temperature_limit,
         lowest=settings.lowest,
         highest=settings.highest,
+        pwm_limit=settings.pwm_limit,
     )
 
 
@@ -149,7 +152,7 @@ def hold_here(
     joints: Mapping[str, JointCalibration],
     angles: ServoAngles,
     watchdog: int,
-    most_pwm: float = MOST_PWM,
+    pwm_limits: Mapping[int, float],
 ) -> None:
     """Turn the torque on, with the present positions as goals.
 
@@ -162,7 +165,7 @@ def hold_here(
         angles: conversion to counts, with the servos' limits.
         watchdog: time without packets after which the servos stop, where they have
             such a watchdog, in units of `WATCHDOG_UNIT_S`.
-        most_pwm: torque limit, where the calibration has a higher one [%].
+        pwm_limits: torque limits by id [%].
 
     Raises:
         BackendError: a servo does not answer or confirm, or a joint is far outside its
@@ -177,8 +180,7 @@ def hold_here(
     _check_inside(list(joints), angles, angles.positions(counts))
     _check_turn(bus, list(names.values()), angles, counts)
     goals = dict(zip(ids, counts.tolist(), strict=True))
-    limits = {j.id: min(j.pwm_limit, most_pwm) for j in joints.values()}
-    for block, values in make.holding(goals, limits, watchdog):
+    for block, values in make.holding(goals, pwm_limits, watchdog):
         failed = bus.write_surely(block, values)
         refuse(bus, names, failed, make.obeys_not)
 

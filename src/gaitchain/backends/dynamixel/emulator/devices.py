@@ -25,6 +25,7 @@ _FIELDS = {
     10: (1, 0, 5),
     table.OPERATING_MODE.address: (1, 0, 16),
     table.TEMPERATURE_LIMIT.address: (1, 0, 100),
+    table.PWM_LIMIT.address: (2, 0, table.FULL_PWM),
     table.HIGHEST_POSITION.address: (4, 0, table.COUNTS - 1),
     table.LOWEST_POSITION.address: (4, 0, table.COUNTS - 1),
     table.TORQUE.address: (1, 0, 1),
@@ -81,6 +82,7 @@ class EmulatedServo(TableServo):
         self.put(Block(7, 1), number)
         self.put(table.OPERATING_MODE, table.POSITION_MODE)
         self.put(table.TEMPERATURE_LIMIT, 80)
+        self.put(table.PWM_LIMIT, table.FULL_PWM)
         self.put(table.HIGHEST_POSITION, table.COUNTS - 1)
         self.reboot()
 
@@ -88,7 +90,7 @@ class EmulatedServo(TableServo):
         """Restart the servo: torque off, no error, RAM reset."""
         self._table[_RAM:] = bytes(_SIZE - _RAM)
         self.put(table.STATUS_LEVEL, 2)
-        self.put(table.GOAL_PWM, table.FULL_PWM)
+        self.put(table.GOAL_PWM, self._get(table.PWM_LIMIT))
         self.put(table.VOLTAGE, 120)
         self.put(table.TEMPERATURE, 35)
         self.put(table.GOAL, round(self._motor.position) % table.COUNTS)
@@ -174,13 +176,19 @@ class EmulatedServo(TableServo):
         rearmed = block == table.WATCHDOG and value > 0  # only 0 clears it
         if tripped and (block.address in _GOALS or rearmed):
             return RANGE
-        ends = table.LOWEST_POSITION, table.HIGHEST_POSITION
-        lowest, highest = map(self._get, ends)
-        if block == table.GOAL and not lowest <= value <= highest:
+        if not self._allows(block, value):
             return LIMIT
         if block == table.TORQUE and value and self._get(table.HARDWARE_ERROR):
             return RESULT_FAIL
         return OK
+
+    def _allows(self, block: Block, value: int) -> bool:
+        """Whether a goal is within the limits that the servo's owner has set."""
+        if block == table.GOAL_PWM:
+            return value <= self._get(table.PWM_LIMIT)
+        ends = table.LOWEST_POSITION, table.HIGHEST_POSITION
+        lowest, highest = map(self._get, ends)
+        return block != table.GOAL or lowest <= value <= highest
 
     def _move(self, elapsed_s: float) -> None:
         """Move towards the goal: first at the speed limit, then by the lag."""
