@@ -676,6 +676,17 @@ def test_an_imu_on_the_bus_is_read_in_the_trunks_axes(kind):
             robot.connect(np.zeros(2))
 
 
+def test_an_imu_is_asked_though_the_wait_for_servos_is_used_up(monkeypatch):
+    """By servos that do not know fast sync reads, on a bus that is slow to say so."""
+    with bench(TURN(few(2), imu=IMU)) as (bus, robot, _):
+        bus.bus.fast = False
+        for name, wait_s in (("_IDLE_PATIENCE_S", 0.3), ("_MISSING_WAIT_S", 0.5)):
+            monkeypatch.setattr(f"gaitchain.backends.dynamixel.backend.{name}", wait_s)
+        robot.connect(np.zeros(2))
+        assert not robot.load.fast
+        assert robot.health().note == ""
+
+
 def test_the_table_of_a_servo_is_not_changed_by_reading_it():
     """`read` writes nothing: what a person set stays."""
     with bench(few(2)) as (bus, robot, _):

@@ -36,7 +36,8 @@ from gaitchain.messages import GRAVITY, Array, Sensors
 
 _log = logging.getLogger(__name__)
 _IDLE_PATIENCE_S = 0.03  # longest silence before a packet while the robot does not walk
-_MISSING_WAIT_S, _RELEASE_WAIT_S = 0.4, 0.1  # total wait for servos that do not answer
+# Total wait for servos that do not answer, and again for an IMU.
+_MISSING_WAIT_S, _RELEASE_WAIT_S = 0.4, 0.1
 _PATIENCE = 0.4  # of a control period: longest silence before a packet while walking
 _READING = 1.0  # of a control period: longest read of all servos
 _SILENCE_S, _SILENT_READS = 0.1, 2  # if the whole bus is silent for longer, it is lost
@@ -148,7 +149,9 @@ class DynamixelBackend:
         self.load = bus_load(bus, setups, imu_bytes)
         self.load.check(self._period_s, bus.name)
         if self._imu is not None:
-            self._imu.find(bus)
+            # What servos made it wait does not count: nobody has asked the IMU yet.
+            with bus.hurried(_MISSING_WAIT_S):
+                self._imu.find(bus)
         return setups
 
     def _adopt(self, setups: list[ServoSetup]) -> None:
