@@ -170,6 +170,32 @@ def test_a_dead_servo_is_named_and_those_behind_it_are_read():
         assert robot.health().note == ""
 
 
+@pytest.mark.parametrize(
+    ("make", "dead"), [("dynamixel", (5, 6)), ("feetech", (1, 2, 3, 4, 5, 6))]
+)
+def test_only_dead_servos_are_named_and_all_others_are_read(make, dead):
+    """A cable that is pulled in the middle of a chain, or at a leg."""
+    healthy = [number for number in range(1, 13) if number not in dead]
+    with bench(TURN(few(12), make=make), period_s=0.2) as (bus, robot, _):
+        robot.engage()
+        for number in dead:
+            bus.kill(number)
+        rows = np.array(healthy) - 1
+        read_until(robot, lambda s: np.isfinite(s.joint_position[rows]).all(), 20)
+        labels = [f"{name} (id {joint.id})" for name, joint in robot._joints.items()]
+        named = "; ".join(f"{labels[n - 1]} does not answer" for n in dead)
+
+        def all_named(sensors):
+            note = robot.health().note
+            assert not [n for n in healthy if f"{labels[n - 1]} does" in note]
+            return note == named
+
+        read_until(robot, all_named, 40)
+        robot.release()
+        assert robot.not_let_go == ", ".join(labels[n - 1] for n in dead)
+        assert not any(bus.servos[n].torque for n in healthy)
+
+
 def test_a_servo_that_comes_back_without_its_torque_is_named():
     with bench(few(3), period_s=0.2) as (bus, robot, _):
         robot.engage()

@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 import pytest
-from servo_bench import few
+from servo_bench import TURN, few
 
 from gaitchain.backends.dynamixel import ServoBusEmulator
 from gaitchain.backends.dynamixel.bus import ServoBus
@@ -21,8 +21,10 @@ from gaitchain.backends.dynamixel.control_table import (
     Block,
 )
 from gaitchain.backends.dynamixel.emulator.packets import STATUS, encode
+from gaitchain.backends.dynamixel.make import make_named
 from gaitchain.backends.dynamixel.port import ServoPort
 from gaitchain.backends.dynamixel.search import opened, parse_ids
+from gaitchain.backends.makes import MAKES
 from gaitchain.errors import BackendError, CommandError, MissingExtraError
 
 PATIENT_S, BUDGET_S = 0.2, 3.0
@@ -98,7 +100,7 @@ def test_a_late_answer_to_a_read_is_no_answer_to_a_ping(
 
 def test_answers_come_by_id(bus):
     bus.write_all(GOAL, {n: (1000 + n).to_bytes(4, "little") for n in (1, 2, 3, 4)})
-    answers = bus.read_all([3, 1, 4, 2], GOAL, BUDGET_S)
+    answers = bus.read_all([3, 1, 4, 2], GOAL, BUDGET_S).answers
     assert counts(answers) == {1: 1001, 2: 1002, 3: 1003, 4: 1004}
     assert counts({7: bus.read(2, GOAL)}) == {7: 1002}
     assert (bus.sent, bus.lost) == (5, 0)
@@ -116,20 +118,50 @@ def test_stuffed_answers_are_read(emulator, bus):
 @pytest.mark.parametrize("dead", [1, 2, 4])
 def test_those_behind_a_dead_servo_are_asked_again(emulator, bus, dead):
     emulator.kill(dead)
-    answers = bus.read_all([1, 2, 3, 4], POSITION, BUDGET_S)
+    answers = bus.read_all([1, 2, 3, 4], POSITION, BUDGET_S).answers
     assert set(answers) == {1, 2, 3, 4} - {dead}
     assert (bus.sent, bus.lost) == (4, 1)
+
+
+@pytest.mark.parametrize("make", MAKES)
+@pytest.mark.parametrize("dead", [{3, 4}, {1, 2, 3, 4}, {1, 2, 5, 6}, {1, 2, 7, 8}])
+def test_nobody_is_asked_in_vain_for_those_before(make, dead):
+    """A cable that is pulled midway, or a leg of two without supply."""
+    with ServoBusEmulator.like(TURN(few(8), make=make)) as emulator:
+        bus = ServoBus(emulator.port, 1_000_000, 0.02, make=make_named(make))
+        bus.open()
+        try:
+            goal, ids = bus.make.goal, range(1, 9)
+            values = {n: bus.make.goal_data(1000 + n) for n in ids}
+            for number in dead:
+                emulator.kill(number)
+            assert bus.write_surely(goal, values) == sorted(dead)
+            alive = {n: values[n] for n in ids if n not in dead}
+            assert bus.read_surely(list(ids), goal) == alive
+        finally:
+            bus.close()
+
+
+def test_only_who_had_a_turn_is_known_to_be_silent(emulator, bus):
+    bus.patience_s = 0.02
+    emulator.cut()
+    answers, silent = bus.read_all([1, 2, 3, 4], POSITION, BUDGET_S)
+    assert (answers, len(silent)) == ({}, 2)  # asked twice, who came first
+    emulator.restore()
+    emulator.kill(2)
+    answers, silent = bus.read_all([1, 2, 3, 4], POSITION, BUDGET_S)
+    assert (set(answers), silent) == ({1, 3, 4}, {2})
 
 
 def test_a_silent_bus_is_given_up(emulator, bus):
     emulator.cut()
     bus.patience_s = 0.01
-    assert bus.read_all([1, 2, 3, 4], POSITION, 0.1) == {}
+    assert bus.read_all([1, 2, 3, 4], POSITION, 0.1).answers == {}
     assert bus.read(1, POSITION) is None
     assert bus.ping(1) is None
     emulator.restore()
     bus.patience_s = PATIENT_S
-    assert len(bus.read_all([1, 2, 3, 4], POSITION, BUDGET_S)) == 4
+    assert len(bus.read_all([1, 2, 3, 4], POSITION, BUDGET_S).answers) == 4
 
 
 def test_late_answers_of_another_request_are_not_taken(emulator, bus):
@@ -142,7 +174,10 @@ def test_late_answers_of_another_request_are_not_taken(emulator, bus):
     answer = emulator.bus.answer
     emulator.bus.answer = lambda data: late + answer(data)
     bus.patience_s = PATIENT_S
-    assert counts(bus.read_all([1, 2], POSITION, BUDGET_S)) == {1: 2048, 2: 2048}
+    assert counts(bus.read_all([1, 2], POSITION, BUDGET_S).answers) == {
+        1: 2048,
+        2: 2048,
+    }
 
 
 def test_a_scan_finds_who_is_there(emulator, bus):
@@ -298,7 +333,7 @@ def test_a_hundred_thousand_odd_answers_do_no_harm():
             stream += packet
             packets += 1
         memory.next = stream
-        answers = bus.read_all(list(range(1, 13)), PRESENT, 10.0)
+        answers = bus.read_all(list(range(1, 13)), PRESENT, 10.0).answers
         assert set(answers) <= set(range(1, 13))
         whole += sum(answer.data == present for answer in answers.values())
     assert whole > 0.3 * packets  # the sound ones among them are found
@@ -326,10 +361,10 @@ def test_a_fast_sync_read_says_what_single_answers_say(emulator, bus):
     for number in (1, 2, 3, 4):
         emulator.turn(number, 40.0 * number)
     ids = [4, 2, 1, 3]
-    plain = bus.read_all(ids, PRESENT, BUDGET_S)
+    plain = bus.read_all(ids, PRESENT, BUDGET_S).answers
     bus.try_fast(ids)
     assert bus.fast
-    assert bus.read_all(ids, PRESENT, BUDGET_S) == plain
+    assert bus.read_all(ids, PRESENT, BUDGET_S).answers == plain
     assert set(plain) == set(ids)
 
 
@@ -338,14 +373,14 @@ def test_servos_without_fast_sync_read_are_read_one_by_one(emulator, bus):
     bus.patience_s = 0.02
     bus.try_fast([1, 2])
     assert not bus.fast
-    assert set(bus.read_all([1, 2], POSITION, BUDGET_S)) == {1, 2}
+    assert set(bus.read_all([1, 2], POSITION, BUDGET_S).answers) == {1, 2}
 
 
 def test_behind_a_dead_servo_fast_sync_reads_still_find_the_others(emulator, bus):
     bus.try_fast([1, 2, 3, 4])
     emulator.kill(2)
     bus.patience_s = 0.02
-    assert set(bus.read_all([1, 2, 3, 4], POSITION, BUDGET_S)) == {1, 3, 4}
+    assert set(bus.read_all([1, 2, 3, 4], POSITION, BUDGET_S).answers) == {1, 3, 4}
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -357,7 +392,8 @@ def test_no_byte_of_a_corrupted_fast_answer_is_believed(seed):
             bus.try_fast([1, 2, 3, 4])
             emulator.bus.corrupt = 0.3
             heard = [
-                counts(bus.read_all([1, 2, 3, 4], POSITION, 1.0)) for _ in range(30)
+                counts(bus.read_all([1, 2, 3, 4], POSITION, 1.0).answers)
+                for _ in range(30)
             ]
         finally:
             bus.close()

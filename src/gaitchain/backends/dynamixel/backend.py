@@ -176,11 +176,11 @@ class DynamixelBackend:
         """
         begin = time.monotonic()
         self._check_watchdog(begin - self._bus.spoke_s)
-        asked = self._watch.present
-        answers = self._bus.read_all(
-            asked, self._make.present, _READING * self._period_s
+        heard = self._bus.read_all(
+            self._watch.present, self._make.present, _READING * self._period_s
         )
-        self._watch.hear(asked, answers)
+        self._watch.hear(heard)
+        answers = heard.answers
         self._check_silence(bool(answers))
         current, velocity, position = self._counts(answers)
         self._loads = self._angles.sign * current * self._amperes

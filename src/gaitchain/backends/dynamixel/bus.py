@@ -5,6 +5,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from statistics import median
+from typing import NamedTuple
 
 from gaitchain.backends.dynamixel.control_table import Block
 from gaitchain.backends.dynamixel.make import DYNAMIXEL, Make
@@ -23,6 +24,19 @@ _FAST_TRIES = 3
 _TRIES = 4  # attempts at a request that must succeed
 _BUDGET_S = 0.5  # time limit of each attempt
 _SILENCES = 2  # after this many requests in a row without any answer, stop asking
+
+
+class Heard(NamedTuple):
+    """What came of a read of many servos."""
+
+    answers: dict[int, Answer]
+    """By id, of those that answered."""
+    silent: frozenset[int]
+    """Ids that did not, though it was their turn; who is left had no turn."""
+
+    def in_order(self, ids: Iterable[int]) -> list[int]:
+        """Return ids as to be asked next: nobody behind one that was silent."""
+        return sorted(ids, key=lambda n: (n in self.silent) - (n in self.answers))
 
 
 class ServoBus:
@@ -205,13 +219,12 @@ class ServoBus:
         self.lost += 1 - len(heard)
         return heard.get(number)
 
-    def read_all(
-        self, ids: Sequence[int], block: Block, budget_s: float
-    ) -> dict[int, Answer]:
+    def read_all(self, ids: Sequence[int], block: Block, budget_s: float) -> Heard:
         """Read the same block of many servos' tables, of those that answer.
 
         Each servo answers after the one before it in the list, so all those after a
-        dead servo are silent; they are asked again without it while time is left.
+        dead servo are silent; they are asked again without it while time is left, and
+        should be asked before it in the next read (`Heard.in_order`).
 
         Args:
             ids: ids of the servos, in this order.
@@ -223,7 +236,7 @@ class ServoBus:
         """
         port = self._connected()
         deadline = port.now() + budget_s
-        answers: dict[int, Answer] = {}
+        answers, silent = dict[int, Answer](), set[int]()
         asked, silences, fast = list(ids), 0, self.fast
         while asked and silences < _SILENCES and port.now() < deadline:
             if self._wait_left_s <= 0.0:
@@ -234,10 +247,17 @@ class ServoBus:
             answers |= heard
             silences = 0 if heard else silences + 1
             last = max((asked.index(number) for number in heard), default=-1)
+            # A later request that the time limit ended is no silence of the next one.
+            waited = len(asked) == len(ids) or port.now() < deadline
+            silent.update(asked[: last + 1 + waited])
             asked = asked[last + 2 :]
+            if not heard:
+                # Neighbours fall silent together, where their cable ends.
+                middle = len(asked) // 2
+                asked = asked[middle:] + asked[:middle]
         self.sent += len(ids)
         self.lost += len(ids) - len(answers)
-        return answers
+        return Heard(answers, frozenset(silent - answers.keys()))
 
     def try_fast(self, ids: Sequence[int]) -> None:
         """Find out whether all servos know fast sync reads, and use them if so.
@@ -279,14 +299,14 @@ class ServoBus:
         Raises:
             BackendError: the port is lost.
         """
-        found: dict[int, bytes] = {}
+        found, missing = dict[int, bytes](), list(ids)
         for attempt in range(_TRIES):
-            missing = [number for number in ids if number not in found]
             if not missing:
                 break
             with self._as_patient(2**attempt):
-                answers = self.read_all(missing, block, _BUDGET_S)
-            found |= {number: answer.data for number, answer in answers.items()}
+                heard = self.read_all(missing, block, _BUDGET_S)
+            found |= {number: answer.data for number, answer in heard.answers.items()}
+            missing = [n for n in heard.in_order(missing) if n not in found]
         return found
 
     def write_surely(self, block: Block, values: Mapping[int, bytes]) -> list[int]:
@@ -300,19 +320,16 @@ class ServoBus:
         Raises:
             BackendError: the port is lost.
         """
-        left = dict(values)
+        left = list(values)
         for attempt in range(_TRIES):
-            self.write_all(block, left)
+            self.write_all(block, {number: values[number] for number in left})
             with self._as_patient(2**attempt):
-                shown = self.read_all(list(left), block, _BUDGET_S)
-            left = {
-                number: data
-                for number, data in left.items()
-                if number not in shown or shown[number].data != data
-            }
+                heard = self.read_all(left, block, _BUDGET_S)
+            shown = {number: answer.data for number, answer in heard.answers.items()}
+            left = [n for n in heard.in_order(left) if shown.get(n) != values[n]]
             if not left:
                 break
-        return list(left)
+        return [number for number in values if number in left]
 
     @contextlib.contextmanager
     def _as_patient(self, times: int) -> Iterator[None]:

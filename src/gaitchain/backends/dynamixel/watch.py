@@ -5,10 +5,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gaitchain.backends.dynamixel.bus import ServoBus
+from gaitchain.backends.dynamixel.bus import Heard, ServoBus
 from gaitchain.backends.dynamixel.make import DYNAMIXEL, Make
 from gaitchain.backends.dynamixel.servos import ServoSetup
-from gaitchain.backends.dynamixel.wire import Answer
 from gaitchain.messages import Array
 
 # Missed answers in a row, while others answered, that mean off the bus.
@@ -39,6 +38,7 @@ class ServoWatch:
         self.lapsed = False
         """Whether the servos got no packets for longer than their watchdog time."""
         self._labels, self._ids = dict(labels), list(labels)
+        self._order = list(labels)
         self._limits = {
             n: s.temperature_limit for n, s in zip(labels, setups, strict=True)
         }
@@ -52,9 +52,9 @@ class ServoWatch:
 
     @property
     def present(self) -> list[int]:
-        """Ids to read: all that are on the bus, or all ids if none is."""
-        there = [n for n in self._ids if self._missed[n] < _MISSED_MOST]
-        return there or self._ids
+        """Ids to read: all that are on the bus, or all if none is, silent ones last."""
+        there = [n for n in self._order if self._missed[n] < _MISSED_MOST]
+        return there or list(self._order)
 
     @property
     def tripped(self) -> bool:
@@ -72,12 +72,14 @@ class ServoWatch:
         self._torque = dict.fromkeys(self._ids, True)
         self._tripped.clear()
 
-    def hear(self, asked: Sequence[int], answers: Mapping[int, Answer]) -> None:
+    def hear(self, heard: Heard) -> None:
         """Count each servo's missed answers in a row, unless no servo answered."""
+        answers = heard.answers
+        self._order = heard.in_order(self._order)
         if not answers:
             return
-        for number in asked:
-            self._missed[number] = 0 if number in answers else self._missed[number] + 1
+        self._missed |= dict.fromkeys(answers, 0)
+        self._missed |= {number: self._missed[number] + 1 for number in heard.silent}
         self._alerts = [number for number, answer in answers.items() if answer.alert]
 
     def look(self, bus: ServoBus) -> None:
