@@ -373,7 +373,11 @@ class ServoBus:
         deadline: float,
         head_s: float = 0.0,
     ) -> dict[int, Answer]:
-        """Collect answers until that of the last servo, or until a timeout."""
+        """Collect answers until that of the last servo, or until a timeout.
+
+        Packets do not say which request they answer: a late one of the same size passes
+        for a fresh one. What came before this request was sent has been discarded.
+        """
         heard: dict[int, Answer] = {}
         wire = self._connected_wire()
         while ids[-1] not in heard:
