@@ -302,9 +302,12 @@ def test_a_stick_is_pulled_and_springs_back(visit, server, see):
 def gamepad(visit, see):
     """A page with a gamepad, whose axes and buttons a test sets."""
     pad = (
-        "globalThis.pad = {id: 'pad', connected: true, axes: [0, 0, 0, 0],"
-        "  buttons: [{pressed: false}, {pressed: false}]};"
-        "navigator.getGamepads = () => [null, globalThis.pad];"
+        "globalThis.made = (id, index) => ({id, index, mapping: 'standard',"
+        "  connected: true, axes: [0, 0, 0, 0],"
+        "  buttons: [{pressed: false}, {pressed: false}]});"
+        "globalThis.pad = made('pad', 1);"
+        "globalThis.second = null;"
+        "navigator.getGamepads = () => [null, pad, second];"
     )
     page = visit(prepare=lambda context: context.add_init_script(pad))
     see(page.locator("#mode")).to_have_text("Standing")
@@ -319,6 +322,36 @@ def test_a_gamepad_drives_and_stops(gamepad, server, see):
     until(server, lambda command: command[0] == pytest.approx(0.6 * FASTEST))
     gamepad.evaluate("pad.buttons[1].pressed = true")
     server.next_message("emergency_stop")
+
+
+def test_a_gamepad_of_an_unknown_layout_is_not_read(gamepad, server, see):
+    """Its third axis may be a trigger, which rests at -1, and its B any button."""
+    drive(server, gamepad, see)
+    gamepad.evaluate("pad.mapping = ''")
+    see(gamepad.locator("#pad")).to_have_text(
+        "pad: not read, as this browser does not know its layout"
+    )
+    gamepad.evaluate("pad.axes[2] = -1; pad.buttons[1].pressed = true")
+    gamepad.evaluate(SEEN)
+    gamepad.keyboard.down("w")
+    until(server, lambda command: command[0] > 0.0)
+    came = [server.messages.get(timeout=PATIENCE_S)[1] for _ in range(5)]
+    assert {(m["type"], m.get("turn")) for m in came} == {("steer", 0)}
+
+
+def test_each_gamepad_stops_and_the_first_drives(gamepad, server, see):
+    drive(server, gamepad, see)
+    gamepad.evaluate("pad.mapping = ''; second = made('second', 2)")
+    see(gamepad.locator("#pad")).to_contain_text("; second: B or circle")
+    gamepad.evaluate("second.axes[1] = -1")
+    until(server, lambda command: command[0] == pytest.approx(0.6 * FASTEST))
+    gamepad.evaluate("pad.mapping = 'standard'; pad.axes[2] = 1")
+    until_message(server, ahead=0, turn=-0.6)
+    for name in ("pad", "second"):  # the first is held down
+        gamepad.evaluate(f"{name}.buttons[1].pressed = true")
+        server.next_message("emergency_stop")
+    gamepad.evaluate("second.buttons[0].pressed = true")
+    server.next_message("stop")
 
 
 def test_a_gamepads_stick_that_is_still_pulled_does_not_walk_on(gamepad, server, see):

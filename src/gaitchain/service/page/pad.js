@@ -1,4 +1,4 @@
-// A gamepad: left stick walks, right stick turns, one button stops at once.
+// Gamepads: left stick walks, right stick turns, one button of each stops at once.
 
 const DEAD = 0.15;
 const EMERGENCY = 1; // B, or the circle
@@ -7,7 +7,7 @@ const STOP = 0; // A, or the cross
 /** A source of the wheel. */
 export class Pad {
   #parts = [0, 0, 0];
-  #pressed = { [EMERGENCY]: false, [STOP]: false };
+  #pressed = { [EMERGENCY]: [], [STOP]: [] }; // on which gamepads
   #polling = false;
   #spent = false; // what was pulled before a release counts no more, until it is let go
 
@@ -33,26 +33,23 @@ export class Pad {
   }
 
   #poll() {
-    const pad = [...navigator.getGamepads()].find((one) => one?.connected);
-    if (!pad) {
-      this.#polling = false;
-      this.told("none; press a button of it");
-      this.#set([0, 0, 0]);
-      return;
-    }
-    this.told(`${pad.id.slice(0, 40)}: B or circle is the emergency stop`);
-    this.#watch(pad, EMERGENCY, this.emergency);
-    this.#watch(pad, STOP, this.stop);
-    const [x, y, turn] = [0, 1, 2].map((i) => dull(pad.axes[i] ?? 0));
+    const pads = [...navigator.getGamepads()].filter((one) => one?.connected);
+    const known = pads.filter(isKnown);
+    this.told(pads.map(words).join("; ") || "none; press a button of it");
+    this.#watch(known, EMERGENCY, this.emergency);
+    this.#watch(known, STOP, this.stop);
+    const [x, y, turn] = [0, 1, 2].map((i) => dull(known[0]?.axes[i] ?? 0));
     const pulled = [-y, -x, -turn];
     this.#spent &&= pulled.some(Boolean);
     this.#set(this.#spent ? [0, 0, 0] : pulled);
-    requestAnimationFrame(() => this.#poll());
+    this.#polling = pads.length > 0;
+    if (this.#polling) requestAnimationFrame(() => this.#poll());
   }
 
-  #watch(pad, button, act) {
-    const pressed = pad.buttons[button]?.pressed ?? false;
-    if (pressed && !this.#pressed[button]) act();
+  /** Act once for each press, also where another gamepad's button is held. */
+  #watch(pads, button, act) {
+    const pressed = pads.filter((pad) => pad.buttons[button]?.pressed).map((pad) => pad.index);
+    if (pressed.some((index) => !this.#pressed[button].includes(index))) act();
     this.#pressed[button] = pressed;
   }
 
@@ -61,6 +58,18 @@ export class Pad {
     this.#parts = parts;
     if (parts.some((part, i) => Math.abs(part - before[i]) > 0.02)) this.changed();
   }
+}
+
+/** Whether axes and buttons are where this file has them: elsewhere a trigger may rest at -1. */
+function isKnown(pad) {
+  return pad.mapping === "standard";
+}
+
+function words(pad) {
+  const what = isKnown(pad)
+    ? "B or circle is the emergency stop"
+    : "not read, as this browser does not know its layout";
+  return `${pad.id.slice(0, 40)}: ${what}`;
 }
 
 function dull(value) {
