@@ -14,7 +14,7 @@ from planned_library import planned_res
 
 from gaitchain.backends.base import Disturbances, PunchesState
 from gaitchain.gait.command_range import inward
-from gaitchain.live.messages import Mode, ReplayState
+from gaitchain.live.messages import Mode, ReplayState, TroubleKind
 from gaitchain.service.schemas import SteerMessage
 from gaitchain.sim.bodies import body_names
 
@@ -455,6 +455,25 @@ def test_an_edge_is_drawn_once_the_step_before_it_is_known(visit, server, see):
     see(page.locator(".marks .chosen")).to_have_count(1)
     see(page.locator(".marks .walked")).to_have_count(2)
     see(page.locator(".marks .candidate")).to_have_count(2)
+
+
+def test_a_robot_that_lies_there_can_be_let_get_up(visit, server, see):
+    """Nobody saw it fall, so no cause of a fall is known."""
+    lies = "lies there: the trunk leans by 90 deg, limit 50; let it get up"
+    server.set(
+        mode=Mode.STOPPED, trouble=TroubleKind.LYING, reason=lies, can_get_up=True
+    )
+    page = visit()
+    see(page.locator("#fall-title")).to_have_text("It lies there")
+    see(page.locator("#fall-sentence")).to_have_text(lies)
+    page.click("#get-up")
+    server.next_message("get_up")
+    server.set(mode=Mode.STOPPED, fall="The robot fell: too fast.", can_get_up=True)
+    see(page.locator("#fall-title")).to_have_text("Why it fell")
+    see(page.locator("#fall-sentence")).to_have_text("The robot fell: too fast.")
+    see(page.locator("#get-up")).to_be_visible()
+    server.set(mode=Mode.STANDING)
+    see(page.locator("#fall")).to_be_hidden()
 
 
 def test_it_comes_back_when_the_socket_is_dropped(visit, server, see):

@@ -48,6 +48,7 @@ const status = new Status({
   linkFact: at("link-fact"),
   signin: at("signin"),
   fall: at("fall"),
+  fallTitle: at("fall-title"),
   fallSentence: at("fall-sentence"),
   asked: at("asked"),
   carried: at("carried"),

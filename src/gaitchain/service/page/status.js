@@ -63,8 +63,10 @@ export class Status {
     say(page.mode, name);
     say(page.modeWords, LIMP.includes(frame.mode) && frame.link.holds ? HOLDS : words);
     say(page.reason, frame.reason);
-    page.fall.hidden = frame.fall === "";
-    say(page.fallSentence, frame.fall);
+    // Nobody saw a robot fall that lay there from the beginning.
+    page.fall.hidden = frame.fall === "" && !frame.canGetUp;
+    say(page.fallTitle, frame.fall ? "Why it fell" : "It lies there");
+    say(page.fallSentence, frame.fall || frame.reason);
     page.robotKind.hidden = false;
     say(page.robotKind, [frame.replay && "replay", KINDS[frame.kind]].filter(Boolean).join(", "));
     const now = performance.now();
