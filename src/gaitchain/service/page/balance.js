@@ -22,8 +22,9 @@ export class Balance {
     const { scene, time } = frame;
     const last = this.#tail.at(-1);
     if (last && time < last[0]) this.#tail = [];
+    // A log that is paused tells the same moment over and over.
+    this.#tail = this.#tail.filter(([then]) => then < time && time - then <= TAIL);
     if (known(scene.zmp)) this.#tail.push([time, scene.zmp]);
-    this.#tail = this.#tail.filter(([then]) => time - then <= TAIL);
     this.#scene = scene;
     this.#fit();
     this.plot.ask();

@@ -4,7 +4,7 @@ import { Plot, tickText, ticks } from "./plot.js";
 import { fixed, say } from "./words.js";
 
 const SPAN = 10; // s
-const MOST = 512; // frames kept: ten seconds at 25 Hz, with room
+const LEAST = 0.02; // s between two frames that are kept; live they come every 0.04 s
 const COLOURS = 6;
 const CALM = 250; // ms between two readings of a number
 const DEGREES = 180 / Math.PI;
@@ -45,11 +45,11 @@ export class Traces {
   }
 
   hear(frame) {
-    const last = this.#frames.at(-1);
-    if (last && frame.time < last.time) this.#frames = [];
+    const [before, last] = [-2, -1].map((i) => this.#frames.at(i)?.time);
+    if (frame.time < last) this.#frames = [];
+    else if (last - before < LEAST) this.#frames.pop(); // of a log that is slow or paused
     this.#frames.push(frame);
-    const old = this.#frames.findIndex((one) => frame.time - one.time <= SPAN);
-    if (old > 0 || this.#frames.length > MOST) this.#frames.splice(0, Math.max(old, 1));
+    this.#frames = this.#frames.filter(({ time }) => frame.time - time <= SPAN);
     this.angles.ask();
     this.loads.ask();
     if (performance.now() < this.#next) return;
