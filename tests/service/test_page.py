@@ -553,6 +553,24 @@ def test_an_event_is_there_once_though_another_server_counts_anew(visit, server,
     see(items).to_have_text(["0:01.5partand came back", "0:01.5partthe api died"])
 
 
+def test_events_that_no_frame_had_room_for_are_asked_for(visit, server, see):
+    events = [
+        {"number": n, "stamp_ns": n, "time_s": 0.1 * n, "kind": "push", "text": f"{n}"}
+        for n in range(1, 31)
+    ]
+    server.events = events[:1]
+    server.set(events=events[:1])
+    page = visit()
+    items = page.locator("#events li")
+    see(items).to_have_count(1)
+    server.events = events
+    server.set(events=events[-10:])
+    see(items).to_have_count(30)
+    assert items.locator("span:last-child").all_text_contents() == [
+        str(n) for n in range(30, 0, -1)
+    ]
+
+
 def test_a_push_is_for_a_simulated_robot(visit, server, see):
     page = visit()
     see(page.locator("#robot-name")).to_have_text(LIBRARY.robot.name)

@@ -111,8 +111,10 @@ class PageServer:
         body = msgspec.json.encode(library_info(self.library, limits))
         return self._checked(Response(body, media_type="application/json"))
 
-    async def _events(self, _):
-        return self._checked(JSONResponse({"events": self.events}))
+    async def _events(self, request):
+        after = int(request.query_params.get("after", 0))
+        events = [event for event in self.events if event["number"] > after]
+        return self._checked(JSONResponse({"events": events}))
 
     async def _post(self, request):
         self.posts.put((request.path_params["act"], request.headers.get("x-driver")))

@@ -1,5 +1,6 @@
 // What happened, newest first.
 
+import { readEvents } from "./frame.js";
 import { clockText } from "./words.js";
 
 const MOST = 200;
@@ -8,13 +9,27 @@ const MOST = 200;
 export class Log {
   #seen = new Set();
   #order = new WeakMap(); // item -> [UNIX time, number]
+  #newest = 0; // number
 
-  constructor(root) {
-    this.root = root;
+  /** after: gets the events with higher numbers from the server. */
+  constructor(root, after) {
+    Object.assign(this, { root, after });
+  }
+
+  /** Take the events of a frame, which has room for the latest alone. */
+  hear({ events }) {
+    if (events[0]?.number > this.#newest + 1) void this.fill(this.#newest);
+    this.#add(events);
+  }
+
+  /** Get what no frame had room for. */
+  async fill(number = 0) {
+    this.#add(readEvents(await this.after(number)));
   }
 
   /** Put events on top that are not there yet. */
-  add(events) {
+  #add(events) {
+    this.#newest = events.at(-1)?.number ?? this.#newest;
     for (const event of events) {
       // Not by its number: a server that is started again counts anew.
       const key = `${event.stamp} ${event.kind} ${event.text}`;

@@ -7,7 +7,6 @@ import { Crouch } from "./crouch.js";
 import { Disturb } from "./disturb.js";
 import { Driver } from "./driver.js";
 import { Floor } from "./floor.js";
-import { readEvents } from "./frame.js";
 import { Keys } from "./keys.js";
 import { readLibrary } from "./library.js";
 import { Link } from "./link.js";
@@ -115,7 +114,7 @@ const replay = new Replay(link, {
   time: at("replay-time"),
   speed: at("replay-speed"),
 });
-const log = new Log(at("events"));
+const log = new Log(at("events"), (number) => link.get(`/events?after=${number}`));
 const balance = new Balance(at("balance"), at("margin"));
 const traces = new Traces({
   angles: at("angles"),
@@ -166,22 +165,20 @@ link.addEventListener("fault", (event) => {
 });
 link.addEventListener("frame", (event) => {
   const frame = event.detail;
-  for (const part of [status, wheel, sliders, crouch, actions, push, disturb, replay, why, balance, traces, view, floor]) {
+  for (const part of [status, wheel, sliders, crouch, actions, push, disturb, replay, why, balance, traces, view, floor, log]) {
     try {
       part.hear(frame);
     } catch (error) {
       console.warn("a part of the page could not show a frame", error);
     }
   }
-  log.add(frame.events);
 });
 
 let known = ""; // the library, as it came
 
 /** Get what frames do not carry: events from before, and the library. */
 async function catchUp() {
-  const events = await link.get("/events?after=0");
-  log.add(readEvents(events));
+  await log.fill();
   const raw = await link.get("/library");
   if (!raw) {
     setTimeout(() => link.isOpen && void catchUp(), RETRY);
