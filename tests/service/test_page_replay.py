@@ -1,4 +1,4 @@
-"""The page of a log that is played: its plots."""
+"""The page of a log that is played: plots, and what a screen reader says."""
 
 import json
 
@@ -6,7 +6,8 @@ import pytest
 from page_server import PageServer
 from planned_library import planned_res
 
-from gaitchain.live.messages import Mode
+from gaitchain.live.messages import Going, Mode, ReplayState
+from gaitchain.walker.waypoints import Place
 
 pytestmark = pytest.mark.browser
 LIBRARY = planned_res()
@@ -68,3 +69,60 @@ def test_a_log_played_slowly_shows_ten_seconds_of_its_joints(played):
     slow = played(*(0.005 * i for i in range(2400)))["angles"]["ends"]
     assert min(slow) == pytest.approx(min(live), abs=2.0)
     assert len(slow) <= 2.5 * len(live)
+
+
+def replay(**changes):
+    return ReplayState(**{"at_s": 1.0, "length_s": 9.0, "speed": 1.0, **changes})
+
+
+def test_a_screen_reader_speaks_of_modes_and_not_of_the_time(visit, server, see):
+    server.set(mode=Mode.STANDING, reason="link lost")
+    page = visit()
+    see(page.locator("#reason")).to_have_text("link lost")
+    assert spoken(page, "Standing", "link lost") == ["polite", "polite"]
+    now = "replay of walk.mcap, 3.0 s"
+    server.set(mode=Mode.STANDING, reason=now, replay=replay(playing=True))
+    see(page.locator("#reason")).to_have_text(now)
+    assert spoken(page, "Standing", now) == ["polite", None]
+    server.set(mode=Mode.STANDING, reason="link lost")
+    see(page.locator("#replay")).to_be_hidden()
+    assert spoken(page, "link lost") == ["polite"]
+
+
+def test_a_screen_reader_speaks_of_the_arrival_and_not_of_the_way(visit, server, see):
+    place, goal = Place(0.0, 0.0), Place(1.0, 0.0)
+    known = {"place": place, "feet": (Place(0.0, 0.1), Place(0.0, -0.1))}
+    arrived = Going(goal, 1, 0, 0.0, 0.0, arrived=True)
+    server.set(going=arrived, **known)  # before the page was opened: no news
+    page = visit()
+    notice, going = page.locator("#notice"), page.locator("#going")
+    see(going).to_contain_text("arrived")
+    see(notice).to_have_text("")
+    on_its_way = Going(goal, 1, 0, 1.0, 0.0, arrived=False)
+    server.set(mode=Mode.WALKING, going=on_its_way, **known)
+    see(going).to_contain_text("1.00 m and 0° left")
+    server.set(going=arrived, **known)
+    see(notice).to_have_text("The robot has arrived.")
+    see(going).to_contain_text("arrived")
+    said = "The robot has arrived.", "arrived, at 0.00, 0.00 m, 0°"
+    assert spoken(page, *said) == ["polite", None]
+
+
+def spoken(page, *texts):
+    """How a screen reader is to speak of what comes in place of each of these texts.
+
+    None where it does not: none of what they are in is a live region.
+    """
+    tools = page.context.new_cdp_session(page)
+    nodes = tools.send("Accessibility.getFullAXTree")["nodes"]
+    named = {node["nodeId"]: node for node in nodes}
+
+    def live(node):
+        told = {p["name"]: p["value"].get("value") for p in node.get("properties", ())}
+        within = named.get(node.get("parentId"))
+        return told.get("live") or (live(within) if within else None)
+
+    def said(text):
+        return next(n for n in nodes if n.get("name", {}).get("value") == text)
+
+    return [live(said(text)) for text in texts]

@@ -33,6 +33,8 @@ export class Floor {
   }
 
   hear(frame) {
+    const arrives = frame.going?.arrived && this.#frame?.going?.arrived === false;
+    if (arrives) this.notice("The robot has arrived.");
     this.#frame = frame;
     const last = this.#trail.at(-1);
     if (!frame.place || frame.mode === "rising") this.#trail = [];

@@ -62,6 +62,7 @@ export class Status {
     page.mode.dataset.mode = frame.mode in MODES ? frame.mode : "unknown";
     say(page.mode, name);
     say(page.modeWords, LIMP.includes(frame.mode) && frame.link.holds ? HOLDS : words);
+    page.reason.ariaLive = frame.replay ? "off" : "polite"; // it tells the time of a log
     say(page.reason, frame.reason);
     // Nobody saw a robot fall that lay there from the beginning.
     page.fall.hidden = frame.fall === "" && !frame.canGetUp;
