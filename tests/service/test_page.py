@@ -503,6 +503,24 @@ def test_a_page_that_stood_still_keeps_its_connection_and_the_wheel(visit, serve
     page.keyboard.up("w")
 
 
+def test_a_connection_that_nobody_answers_is_given_up(visit, server, see):
+    page = visit(foreseen=("WebSocket connection to",))
+    page.clock.install()
+    page.reload()
+    shown = page.locator("#connection")
+    see(shown).to_have_text("connected")
+    server.hangs = True
+    server.drop()
+    see(shown).to_contain_text("lost; reconnecting")
+    page.clock.run_for(2000)  # ms; the wait is 0.6 s at most
+    see(shown).to_have_text("reconnecting…")
+    page.clock.run_for(6000)
+    see(shown).to_contain_text("lost; reconnecting")
+    server.hangs = False
+    page.clock.run_for(2000)
+    see(shown).to_have_text("connected")
+
+
 def test_a_browser_without_the_token_is_told_so(visit, server, see):
     server.refuses = True
     page = visit(foreseen=("WebSocket connection to", "Failed to load resource"))

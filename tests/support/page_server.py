@@ -55,6 +55,7 @@ class PageServer:
         self.posts = queue.Queue()  # (path, driver) of the REST requests
         self.refuses = False
         self.silent = False  # whether no frames are sent
+        self.hangs = False  # whether handshakes of sockets are not answered
         self.events = []
         self._sockets = {}
         self._raw = queue.Queue()
@@ -126,6 +127,10 @@ class PageServer:
     async def _stream(self, stream):
         if self.refuses:
             await stream.close(1008)
+            return
+        if self.hangs:
+            await stream.receive()  # that it wants to connect
+            await stream.receive()  # that it has given up
             return
         await stream.accept()
         self._sockets[id(stream)] = asyncio.get_running_loop(), stream

@@ -13,7 +13,7 @@ const LOOK = 500; // ms between two looks at it
 export class Link extends EventTarget {
   #socket = null;
   #attempts = 0;
-  #quiet = 0; // ms
+  #quiet = 0; // ms without a frame, or without an answer to a handshake
   #looked = 0;
   #timer = 0;
 
@@ -35,6 +35,7 @@ export class Link extends EventTarget {
     const socket = new WebSocket(`${scheme}://${location.host}${API}/stream?${query}`);
     this.#socket?.close();
     this.#socket = socket;
+    this.#quiet = 0;
     let opened = false;
     socket.onopen = () => {
       if (socket !== this.#socket) return; // a later one has taken its place
@@ -115,10 +116,12 @@ export class Link extends EventTarget {
     // While this page itself stood still, frames came and wait behind this look.
     this.#quiet += Math.min(now - this.#looked, 2 * LOOK);
     this.#looked = now;
-    if (!this.isOpen || this.#quiet < SILENT) return;
-    this.#tell("silent", `connected; robot silent for ${Math.round(this.#quiet / 1000)} s`);
-    if (this.#quiet < DEAD) return;
+    if (this.isOpen && this.#quiet >= SILENT) {
+      this.#tell("silent", `connected; robot silent for ${Math.round(this.#quiet / 1000)} s`);
+    }
     const socket = this.#socket;
+    const connecting = socket?.readyState === WebSocket.CONNECTING;
+    if (this.#quiet < DEAD || !(this.isOpen || connecting)) return;
     this.#lost(socket, 0, true); // its own close event comes late, or never
     this.#socket = null;
     socket.close();
