@@ -521,6 +521,26 @@ def test_a_connection_that_nobody_answers_is_given_up(visit, server, see):
     see(shown).to_have_text("connected")
 
 
+def test_a_server_that_says_that_the_loop_is_silent_is_not_left(visit, server, see):
+    page = visit()
+    page.clock.install()
+    page.reload()
+    see(page.locator("#connection")).to_have_text("connected")
+    drive(server, page, see)
+    reopened = []
+    page.on("websocket", lambda socket: reopened.append(socket.url))
+    server.silent = True
+    for second in range(10):
+        server.send_raw(json.dumps({"type": "error", "detail": f"silent {second}"}))
+        see(page.locator("#notice")).to_have_text(f"silent {second}")
+        page.clock.run_for(1000)
+    see(page.locator("#connection")).to_contain_text("connected; robot silent for")
+    server.silent = False
+    see(page.locator("#connection")).to_have_text("connected")
+    see(page.locator("#wheel-state")).to_have_text("You drive.")
+    assert not reopened
+
+
 def test_a_browser_without_the_token_is_told_so(visit, server, see):
     server.refuses = True
     page = visit(foreseen=("WebSocket connection to", "Failed to load resource"))

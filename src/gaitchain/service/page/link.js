@@ -6,14 +6,15 @@ const API = "/api/v1";
 const FIRST_WAIT = 500; // ms; doubles with each attempt
 const LONGEST_WAIT = 8000; // ms
 const SILENT = 1500; // ms without a frame
-const DEAD = 6000; // ms without one; a phone's radio may drop a socket unnoticed
+const DEAD = 6000; // ms without any message; a phone's radio may drop a socket unnoticed
 const LOOK = 500; // ms between two looks at it
 
 /** Events: `frame` (detail: a frame), `state` (detail: name, text), `fault` (detail: text). */
 export class Link extends EventTarget {
   #socket = null;
   #attempts = 0;
-  #quiet = 0; // ms without a frame, or without an answer to a handshake
+  #silent = 0; // ms without a frame
+  #quiet = 0; // ms without any message, or without an answer to a handshake
   #looked = 0;
   #timer = 0;
 
@@ -41,7 +42,7 @@ export class Link extends EventTarget {
       if (socket !== this.#socket) return; // a later one has taken its place
       opened = true;
       this.isOpen = true;
-      this.#quiet = 0;
+      this.#silent = this.#quiet = 0;
       this.#tell("open", "connected, waiting for the robot");
     };
     socket.onmessage = (event) => {
@@ -81,6 +82,7 @@ export class Link extends EventTarget {
   }
 
   #hear(data) {
+    this.#quiet = 0;
     let raw = null;
     try {
       raw = JSON.parse(data);
@@ -93,7 +95,7 @@ export class Link extends EventTarget {
     }
     const frame = readFrame(raw);
     if (!frame) return;
-    this.#quiet = 0;
+    this.#silent = 0;
     this.#attempts = 0;
     this.#tell("live", "connected");
     this.dispatchEvent(new CustomEvent("frame", { detail: frame }));
@@ -114,10 +116,12 @@ export class Link extends EventTarget {
   #watch() {
     const now = performance.now();
     // While this page itself stood still, frames came and wait behind this look.
-    this.#quiet += Math.min(now - this.#looked, 2 * LOOK);
+    const passed = Math.min(now - this.#looked, 2 * LOOK);
     this.#looked = now;
-    if (this.isOpen && this.#quiet >= SILENT) {
-      this.#tell("silent", `connected; robot silent for ${Math.round(this.#quiet / 1000)} s`);
+    this.#silent += passed;
+    this.#quiet += passed;
+    if (this.isOpen && this.#silent >= SILENT) {
+      this.#tell("silent", `connected; robot silent for ${Math.round(this.#silent / 1000)} s`);
     }
     const socket = this.#socket;
     const connecting = socket?.readyState === WebSocket.CONNECTING;
