@@ -609,6 +609,16 @@ def test_events_that_no_frame_had_room_for_are_asked_for(visit, server, see):
     ]
 
 
+@pytest.mark.parametrize(
+    ("time_s", "shown"),
+    [(59.94, "0:59.9"), (59.96, "1:00.0"), (119.97, "2:00.0"), (3599.99, "60:00.0")],
+)
+def test_seconds_are_rounded_up_to_a_minute(visit, server, see, time_s, shown):
+    event = {"time_s": time_s, "stamp_ns": 1, "kind": "link", "text": "lost"}
+    server.set(events=[{**event, "number": 1}])
+    see(visit().locator("#events time")).to_have_text(shown)
+
+
 def test_a_push_is_for_a_simulated_robot(visit, server, see):
     page = visit()
     see(page.locator("#robot-name")).to_have_text(LIBRARY.robot.name)

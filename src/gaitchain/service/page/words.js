@@ -82,8 +82,9 @@ export function commandText([vx, vy, yaw], crouch) {
 /** Format a time on the loop's clock. */
 export function clockText(seconds) {
   if (!Number.isFinite(seconds)) return "–";
-  const minutes = Math.floor(seconds / 60);
-  return `${minutes}:${(seconds - 60 * minutes).toFixed(1).padStart(4, "0")}`;
+  const tenths = Math.round(10 * seconds); // first, as 59.96 s is a minute
+  const minutes = Math.floor(tenths / 600);
+  return `${minutes}:${(tenths / 10 - 60 * minutes).toFixed(1).padStart(4, "0")}`;
 }
 
 /** Set an element's text if it differs, so that live regions speak only of news. */
