@@ -1,4 +1,4 @@
-"""The page of a log that is played: plots, and what a screen reader says."""
+"""The page of a log that is played: bar, plots, and what a screen reader says."""
 
 import json
 
@@ -73,6 +73,21 @@ def test_a_log_played_slowly_shows_ten_seconds_of_its_joints(played):
 
 def replay(**changes):
     return ReplayState(**{"at_s": 1.0, "length_s": 9.0, "speed": 1.0, **changes})
+
+
+def test_a_speed_that_the_page_does_not_offer_is_shown(visit, server, see):
+    server.set(replay=replay(speed=1.5, playing=True))
+    page = visit()
+    speed, offered = page.locator("#replay-speed"), page.locator("#replay-speed option")
+    see(speed).to_have_value("1.5")
+    see(page.locator("#replay-speed option:checked")).to_have_text("1.5 x")
+    server.set(replay=replay(speed=0.7, playing=True))
+    see(speed).to_have_value("0.7")
+    see(offered).to_have_text(
+        ["0.1 x", "0.25 x", "0.5 x", "0.7 x", "1 x", "2 x", "5 x", "10 x"]
+    )
+    server.set(replay=replay(speed=2.0, playing=True))
+    see(speed).to_have_value("2")
 
 
 def test_a_screen_reader_speaks_of_modes_and_not_of_the_time(visit, server, see):

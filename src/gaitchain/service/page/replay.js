@@ -6,6 +6,7 @@ import { say } from "./words.js";
 export class Replay {
   #playing = false;
   #held = false; // somebody moves the bar: it follows them, not the log
+  #other = new Option(); // a speed that a program has set, and that is not offered
 
   constructor(link, page) {
     Object.assign(this, { link, page });
@@ -31,10 +32,19 @@ export class Replay {
     this.#playing = replay.playing;
     say(page.play, replay.playing ? "Pause" : "Play");
     page.bar.max = String(replay.length);
-    if (document.activeElement !== page.speed) page.speed.value = String(replay.speed);
+    if (document.activeElement !== page.speed) this.#showSpeed(replay.speed);
     if (this.#held) return;
     page.bar.value = String(replay.at);
     this.#show(replay.at, replay.length);
+  }
+
+  #showSpeed(speed) {
+    const select = this.page.speed;
+    select.value = String(speed);
+    if (select.value) return;
+    Object.assign(this.#other, { value: String(speed), text: `${speed} x` });
+    select.add(this.#other, [...select.options].find(({ value }) => Number(value) > speed));
+    select.value = String(speed);
   }
 
   #show(at, length) {
