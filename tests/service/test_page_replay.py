@@ -90,6 +90,18 @@ def test_a_speed_that_the_page_does_not_offer_is_shown(visit, server, see):
     see(speed).to_have_value("2")
 
 
+def test_a_play_that_is_not_sent_says_so(visit, server, see):
+    server.set(replay=replay(playing=False))
+    page = visit(foreseen=("WebSocket connection to",))
+    see(page.locator("#replay-play")).to_have_text("Play")
+    server.hangs = True
+    server.drop()
+    see(page.locator("#connection")).to_contain_text("reconnecting")
+    page.click("#replay-play")
+    see(page.locator("#notice")).to_have_text("Not sent: there is no connection.")
+    server.hangs = False
+
+
 def test_a_screen_reader_speaks_of_modes_and_not_of_the_time(visit, server, see):
     server.set(mode=Mode.STANDING, reason="link lost")
     page = visit()

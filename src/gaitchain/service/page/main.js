@@ -108,7 +108,7 @@ const disturb = new Disturb(link, wheel, disturbNotice, {
   part: at("payload-part"),
   now: at("disturbed"),
 });
-const replay = new Replay(link, {
+const replay = new Replay(link, notice, {
   box: at("replay"), play: at("replay-play"),
   bar: at("replay-at"),
   time: at("replay-time"),

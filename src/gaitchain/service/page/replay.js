@@ -8,8 +8,8 @@ export class Replay {
   #held = false; // somebody moves the bar: it follows them, not the log
   #other = new Option(); // a speed that a program has set, and that is not offered
 
-  constructor(link, page) {
-    Object.assign(this, { link, page });
+  constructor(link, notice, page) {
+    Object.assign(this, { link, notice, page });
     page.play.addEventListener("click", () => this.#ask({ playing: !this.#playing }));
     page.bar.addEventListener("pointerdown", () => (this.#held = true));
     for (const name of ["pointerup", "pointercancel", "blur"]) {
@@ -52,6 +52,6 @@ export class Replay {
   }
 
   #ask(what) {
-    this.link.send("replay", what);
+    if (!this.link.send("replay", what)) this.notice("Not sent: there is no connection.");
   }
 }
