@@ -73,7 +73,7 @@ export class Traces {
     this.chips.forEach((chip, joint) => {
       const colour = this.chosen.get(joint);
       chip.setAttribute("aria-pressed", String(colour !== undefined));
-      chip.dataset.colour = colour ?? "";
+      chip.style.setProperty("--tone", colour === undefined ? "" : `var(--trace-${colour})`);
     });
     const last = this.#frames.at(-1);
     if (last) this.#read(last);
