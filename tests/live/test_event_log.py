@@ -54,6 +54,17 @@ def test_many_different_texts_are_bounded(clock):
     assert len(log._spells) <= 32
 
 
+def test_a_mode_that_comes_after_a_flood_is_told(clock):
+    """The log and `explain` know modes by their events alone."""
+    log = EventLog(clock)
+    log.add("mode", "stopped to rising")
+    for number in range(25):
+        log.add("world", f"payload of {number} kg")
+    log.add("mode", "rising to off")
+    told = [event.kind for event in log.take()]
+    assert told == ["mode", *20 * ["world"], "mode"]
+
+
 def test_refusals_that_differ_are_told_though_they_come_at_once(clock):
     log = EventLog(clock)
     said = ["start by me refused: it stands", "rest by me refused: it walks"]

@@ -13,7 +13,7 @@ from gaitchain.live.clock import Clock
 from gaitchain.live.messages import Event
 
 _KEPT = 100
-_MOST = 20  # in one control period; a flood is cut short
+_MOST = 20  # in one control period beside changes of mode; a flood is cut short
 _ANSWERS = 8  # refusals in one control period
 _SAME_REFUSAL_S = 10.0  # least time between two refusals alike
 _REFUSALS, _REFUSALS_S = 5, 1.0  # so many others at once, then one in so long [s]
@@ -56,7 +56,8 @@ class EventLog:
 
     def add(self, kind: str, text: str) -> None:
         """Note an event of a kind (`messages.Event.kind`)."""
-        if len(self._events) < _MOST:
+        others = sum(event.kind != "mode" for event in self._events)
+        if kind == "mode" or others < _MOST:
             event = Event(self.time_s(), self.stamp_ns(), kind, text)
             self._events.append(event)
 
