@@ -62,7 +62,7 @@ def rows_lost(path):
     """What a log that was ended says is missing, as any reader of MCAP finds it."""
     with path.open("rb") as stream:
         facts = {m.name: m.metadata for m in make_reader(stream).iter_metadata()}
-    return int(facts["rows_lost"]["rows"])
+    return int(facts.get("rows_lost", {"rows": 0})["rows"])
 
 
 def test_a_killed_logger_loses_the_last_half_second_at_most(path, library_path):
@@ -338,6 +338,20 @@ def test_rows_before_the_first_one_are_lost_in_no_file_but_the_first(tmp_path):
         list(log.telemetries())
     assert sum(log.lost for log in logs) == 22 + 16
     assert said[0] == "22 rows of the loop are not in the log: one gap, 0.1 s at most"
+
+
+def test_each_file_of_a_log_tells_the_rows_that_it_lost_itself(tmp_path):
+    room = Room(file_bytes=1, files=9)
+    logger = Logger(tmp_path / "a.mcap", LIBRARY, print, count().__next__, room)
+    for number in (1, 5, 6, 9, 10):
+        logger.write(told(RES, number=number))
+    logger.close()
+    files = sorted(tmp_path.glob("*.mcap"))
+    logs = [read_log(file) for file in files]
+    for log in logs:
+        list(log.telemetries())
+    assert sum(log.lost for log in logs) == 3 + 2
+    assert [rows_lost(file) for file in files] == [log.lost for log in logs]
 
 
 def test_rows_between_two_loggers_of_a_log_are_counted(tmp_path):

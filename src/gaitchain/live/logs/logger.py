@@ -91,6 +91,7 @@ class Logger:
         self._said, self._say_s, self._failed = 0, now(), False
         before = _read_ledger(ledger)
         self._gaps = Gaps(before.row if before.files else 0)
+        self._lost_before = 0  # up to the end of the file before
         self._number, self._written = before.number, deque(map(Path, before.files))
         self._due_s = self._again_s = now()
         self._open()
@@ -130,8 +131,10 @@ class Logger:
         """End the file."""
         file, self._file = self._file, None
         if file is not None:
+            lost = self._gaps.lost - self._lost_before
+            self._lost_before = self._gaps.lost
             try:
-                file.close(self._gaps.lost)
+                file.close(lost)
             except LogError as error:
                 _LOG.error("%s", error)
 
@@ -189,6 +192,7 @@ class Logger:
         if self._file is not None:
             self._file.abandon()
             self._gaps.drop()
+            self._lost_before = self._gaps.lost
         self._file = None
         self._again_s = self._now() + AGAIN_S
         if not self._failed:
