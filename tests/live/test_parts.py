@@ -314,6 +314,23 @@ def test_limiter_names_joint_angle_and_range():
     assert "-80 to 80" in told
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_limiter_keeps_the_joints_in_range_whatever_their_encoders_show(sign):
+    """Targets and servos' ends are as encoders show them, the robot's are angles."""
+    robot, offset = legs(), np.zeros(COUNT)
+    offset[0] = sign * math.radians(4.0)
+    limiter = JointLimiter(robot, 1.0, offset=offset)
+    for end in (robot.lower, robot.upper):
+        assert limiter.beyond(end + offset) == ""
+        kept, told = limiter.limit(end * 1.5 + offset, np.array(end + offset))
+        assert kept == pytest.approx(end + offset)
+        assert "120 deg, its range is -80 to 80" in told
+    servos = np.array(robot.lower), np.array(robot.upper)  # as encoders show them
+    far = robot.upper + 0.5 + offset
+    told = JointLimiter(robot, 1.0, servos, offset).beyond(far)
+    assert f"its range is {'-80 to 76' if sign > 0.0 else '-76 to 80'}" in told
+
+
 @pytest.mark.parametrize("axis, rate", [(0, 0.5), (1, -0.5), (0, -1.0)])
 def test_tilt_follows_the_gyro_when_the_accelerometer_is_shaken(axis, rate):
     sense, gyro = TiltSense(), np.zeros(3)

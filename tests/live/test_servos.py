@@ -1,6 +1,7 @@
 """The control loop on emulated servos: a servo that lets go, a supply that goes off."""
 
 from contextlib import contextmanager
+from dataclasses import replace as changed
 
 import numpy as np
 import pytest
@@ -13,15 +14,18 @@ from gaitchain.backends.dynamixel import (
     plain_calibration,
 )
 from gaitchain.live.messages import EmergencyStop, Mode, Reset, Start
+from gaitchain.robot.identified import Identified
+from gaitchain.walker.walker import Walker
 
 pytest.importorskip("dynamixel_sdk")
 
 
 @contextmanager
-def on_servos(*, upper=None):
+def on_servos(*, upper=None, of=None):
     """A loop whose robot is connected, torque off, and its bus.
 
-    Its left knee bends no further than to `upper` [deg], where it is now.
+    Its left knee bends no further than to `upper` [deg], where it is now. The loop has
+    the library `of`, by default the shipped one.
     """
     clock, legs = SteppedClock(), library().robot.legs
     calibration, stand = plain_calibration(library().robot), np.array(legs.stand)
@@ -35,7 +39,7 @@ def on_servos(*, upper=None):
             bus.port, calibration, legs.joint_names, 0.1, watchdog_s=2.5
         )
         try:
-            yield Live(backend=robot, clock=clock), bus
+            yield Live(backend=robot, clock=clock, of=of), bus
         finally:
             robot.close()
 
@@ -65,6 +69,34 @@ def test_a_standing_pose_beyond_the_servos_is_not_risen_to():
         "start by me refused: the standing pose is out of reach: left_knee was to go "
     )
     assert said.endswith(" to 10; calibrate it again")
+
+
+def identified_with(offset_deg, beyond_stand_deg):
+    """The library of a robot whose left knee shows more than it is bent by.
+
+    It may bend further than in the standing pose by so much.
+    """
+    shipped = library()
+    robot, knee = shipped.robot, shipped.robot.legs.joint_names.index("left_knee")
+    upper, offset = np.array(robot.legs.upper), np.zeros(len(robot.legs.stand))
+    upper[knee] = robot.legs.stand[knee] + np.radians(beyond_stand_deg)
+    offset[knee] = np.radians(offset_deg)
+    found = changed(Identified.of_file(len(offset)), offset=offset)
+    narrow = changed(robot.with_ranges(robot.legs.lower, upper), identified=found)
+    return changed(shipped, poses=changed(shipped.poses, robot=narrow)), knee
+
+
+def test_an_identified_robot_stands_where_only_its_encoder_is_past_the_range():
+    """The range is that of the joint; the servo itself goes further."""
+    identified, knee = identified_with(offset_deg=4.0, beyond_stand_deg=1.0)
+    with on_servos(upper=80.0, of=identified) as (live, _):
+        live.run(0.2)
+        live.ask(Start("me"))
+        live.run(3.0)
+        assert live.mode is Mode.STANDING, live.happened("command")
+        stand = Walker(library()).standing_targets.position[knee]
+        assert live.last.joint_target[knee] == pytest.approx(stand, abs=0.01)
+        assert "range" not in live.last.status
 
 
 def test_a_servo_that_lets_go_ends_the_walk_at_once():

@@ -35,13 +35,14 @@ class SmoothMove:
 
 
 class JointLimiter:
-    """Keep targets inside the joints' ranges and speeds."""
+    """Keep targets, as encoders show them, inside the joints' ranges and speeds."""
 
     def __init__(
         self,
         legs: LegModel,
         period_s: float,
         servos: tuple[Array, Array] | None = None,
+        offset: Array | float = 0.0,
     ) -> None:
         """Take a robot's limits.
 
@@ -50,8 +51,10 @@ class JointLimiter:
             period_s: control period [s].
             servos: (2 n,) lower and upper ends of what its servos take [rad]; None
                 where they take any angle.
+            offset: (2 n,) what encoders show more than the joints' angles [rad].
         """
-        self._lower, self._upper = np.array(legs.lower), np.array(legs.upper)
+        self._offset = np.broadcast_to(offset, np.shape(legs.lower))
+        self._lower, self._upper = legs.lower + offset, legs.upper + offset
         if servos is not None:  # which would cut targets without a word
             self._lower = np.maximum(self._lower, servos[0])
             self._upper = np.minimum(self._upper, servos[1])
@@ -78,8 +81,9 @@ class JointLimiter:
         if not (off > _COUNT).any():
             return ""
         joint = int(np.argmax(off > _COUNT))
+        shown = np.array([target[joint], self._lower[joint], self._upper[joint]])
+        angle, lower, upper = np.degrees(shown - self._offset[joint])
         return (
-            f"{self._names[joint]} was to go to {np.degrees(target[joint]):.0f} deg, "
-            f"its range is {np.degrees(self._lower[joint]):.0f} to "
-            f"{np.degrees(self._upper[joint]):.0f}"
+            f"{self._names[joint]} was to go to {angle:.0f} deg, "
+            f"its range is {lower:.0f} to {upper:.0f}"
         )

@@ -78,7 +78,9 @@ class ModeMachine:
         """
         legs = walker.library.robot.legs
         self._walker, self._backend, self._events = walker, backend, events
-        self._limiter, self._period_s = JointLimiter(legs, period_s), period_s
+        self._period_s, found = period_s, walker.library.robot.identified
+        self._offset = 0.0 if found is None else found.offset
+        self._limiter = JointLimiter(legs, period_s, offset=self._offset)
         self.lease, self._backoff = DriverLease(), Backoff()
         self.mode, self.reason, self.status = Mode.OFF, "", ""
         self.trouble: TroubleKind | None = None
@@ -341,7 +343,7 @@ class ModeMachine:
                 self._backend.connect(self.target)
             legs = self._walker.library.robot.legs
             bounds = self._backend.limits
-            self._limiter = JointLimiter(legs, self._period_s, bounds)
+            self._limiter = JointLimiter(legs, self._period_s, bounds, self._offset)
             if not self._backend.physical:
                 self._backend.engage()
         except BackendError as error:
