@@ -71,6 +71,19 @@ def test_it_goes_to_a_place_and_says_how_far_it_is(live):
     assert math.hypot(x - GOAL.x, y - GOAL.y) < 0.05
 
 
+def test_how_low_a_driver_wants_it_to_go_there_is_told(live):
+    """That was the crouch of the command before, with which nobody goes there."""
+    depth = 0.8 * library().command_range.crouch[0]
+    run(live, 0.5, GoTo("me", (GOAL,), depth))
+    assert live.last.crouch_asked == depth
+    assert live.last.crouch == pytest.approx(depth)
+    run(live, 0.5, GoTo("me", (GOAL,)))
+    assert live.last.crouch_asked == 0.0
+    live.ask(Drive("me", crouch=0.5 * depth))
+    live.run(0.1)
+    assert live.last.crouch_asked == 0.5 * depth
+
+
 @pytest.mark.parametrize("end", [0.6, 0.9])
 def test_places_on_the_way_are_passed_without_a_stand(live, end):
     way = Place(0.3, 0.0), Place(end, 0.0)

@@ -99,8 +99,13 @@ class DriverLease:
             self.driver, self.asked, self.errand = "", self._halted, None
 
     @property
+    def crouch(self) -> float:
+        """How low the driver last asked the robot to be, on its errand or else [m]."""
+        if isinstance(self.errand, GoTo):
+            return self.errand.crouch
+        return self.asked.crouch  # footsteps are made as low as the robot was before
+
+    @property
     def _halted(self) -> Command:
         """A stop that leaves the robot as low as it was asked to be."""
-        if isinstance(self.errand, GoTo):
-            return Command(crouch=self.errand.crouch)
-        return self.asked.halted  # footsteps are made as low as the robot was before
+        return Command(crouch=self.crouch)

@@ -73,7 +73,7 @@ class TelemetryBuilder:
             driver=modes.lease.driver,
             asked=modes.lease.asked.motion,
             command=modes.command.motion,
-            crouch_asked=modes.lease.asked.crouch,
+            crouch_asked=modes.lease.crouch,
             crouch=modes.command.crouch,
             note=walker.note if modes.mode in BALANCED else "",
             status=status,
