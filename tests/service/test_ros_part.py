@@ -3,6 +3,7 @@
 import threading
 from contextlib import contextmanager
 
+import numpy as np
 import pytest
 from patience import PATIENCE_S
 from ros_peers import RosbridgeServer, until
@@ -82,6 +83,28 @@ def test_zeros_end_no_path(tmp_path):
     assert not [
         r for r in loop.asked if not isinstance(r, GoTo) and r != Drive("ros", 0.2)
     ]
+
+
+def test_every_row_of_a_loop_of_100_hz_is_published_though_some_are_late(tmp_path):
+    loop, late_s = (
+        Loop(tmp_path),
+        np.random.default_rng(0).uniform(0.0, 1.5e-3, 50).tolist(),
+    )
+    with running(tmp_path) as server:
+        until(lambda: loop.was_asked(GoTo) or was_published(server, "/joint_states"))
+        began_s = loop.time_s + 1.0
+        for i, late in enumerate(late_s):
+            row = told(loop.robot, began_s + 0.01 * i + late)
+            loop.end.publish(row)
+            stamp = divmod(row.stamp_ns, 10**9)
+            while stamp_of(server.wait("publish", "/joint_states")) != stamp:
+                assert i == 0  # what was published before
+    loop.end.close()
+
+
+def stamp_of(said):
+    stamp = said["msg"]["header"]["stamp"]
+    return stamp["sec"], stamp["nanosec"]
 
 
 def was_published(server, topic):

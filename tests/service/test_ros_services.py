@@ -1,8 +1,10 @@
 """Services and topics of the state for ROS, over real links."""
 
 import threading
+from collections import Counter
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 import zenoh
 from patience import PATIENCE_S
@@ -330,6 +332,19 @@ def test_the_state_is_published():
     assert said == {"sent": "7", "lost": "2", "ignored commands": "3"}
     for _, message in link.published:
         assert cdr.decode(type(message), cdr.encode(message)).type_name
+
+
+@pytest.mark.parametrize("hz", [100, 250])
+def test_the_rates_are_those_of_the_documentation_though_rows_are_late(hz):
+    """50 Hz, and of the IMU that of a loop of 10 ms."""
+    link, late_s = Kept(), np.random.default_rng(0).uniform(0.0, 1.5e-3, 4 * hz)
+    topics = StateTopics(link, RES, behind=False)
+    place = LegOdometry(LIBRARY, 0.01).latest
+    for i, late in enumerate(late_s):
+        topics.publish(told(RES, i / hz + late, odometry=place), LinkHealth(), 0)
+    count = Counter(topic for topic, _ in link.published)
+    assert count["/tf"] == count["/odom"] == pytest.approx(200, abs=1)
+    assert count["/imu/data"] == pytest.approx(400, abs=1)
 
 
 def test_a_robot_behind_ros_keeps_its_own_links_and_imu():

@@ -1,5 +1,6 @@
-"""The clock of the loop, and the rate that is kept by it."""
+"""The clock of the loop, the rate that is kept by it, and what is due by its rows."""
 
+import math
 import time
 from collections import deque
 
@@ -90,3 +91,28 @@ class Pacer:
         """Ticks a second over the window, None where that says nothing."""
         lasted_s = self._begins[-1] - self._begins[0] if self._begins else 0.0
         return (len(self._begins) - 1) / lasted_s if lasted_s > 0.0 else None
+
+
+class Beat:
+    """Says when something is due again, on a clock that may jump or run backward."""
+
+    def __init__(self, period_s: float) -> None:
+        """Let the first row be due.
+
+        Args:
+            period_s: mean time between two that are [s].
+        """
+        self._period_s, self._next_s = period_s, -math.inf
+
+    def due(self, now_s: float) -> bool:
+        """Return whether it is; a row may come a quarter of the period early.
+
+        Args:
+            now_s: time of the row [s].
+        """
+        period_s, ahead_s = self._period_s, self._next_s - now_s
+        if 0.25 * period_s < ahead_s <= 1.5 * period_s:
+            return False
+        on_beat = -period_s < ahead_s <= 0.25 * period_s
+        self._next_s = (self._next_s if on_beat else now_s) + period_s
+        return True

@@ -10,6 +10,7 @@ import numpy as np
 from gaitchain.backends.ros import PilotTopics, RosLink, RosPilot, open_link
 from gaitchain.errors import CommandError
 from gaitchain.gait.library_file import load_library
+from gaitchain.live.clock import Beat
 from gaitchain.live.messages import Drive, LetGo, Note, Request, Telemetry
 from gaitchain.messages import CONTROL_PERIOD_S, Command
 from gaitchain.service.channel import Asker, Listener
@@ -21,7 +22,7 @@ from gaitchain.service.settings import load_settings
 DRIVER = "ros"
 """The name under which ROS drives."""
 _WAIT_S = 0.5
-_PERIOD_S = CONTROL_PERIOD_S  # least time between two published joint states
+_PERIOD_S = CONTROL_PERIOD_S  # between two published joint states
 
 
 def run(folder: Path, ended: threading.Event) -> None:
@@ -49,11 +50,12 @@ def run(folder: Path, ended: threading.Event) -> None:
     with closing(asker), closing(listener), closing(pilot):
         state = StateTopics(link, robot, behind=behind)
         services = RosServices(link, driver.ask, DRIVER)
-        names = robot.legs.joint_names
-        due = _due(pilot, _heard(listener, services.take, ended), driver.ask)
-        for telemetry in due:
+        names, joints = robot.legs.joint_names, Beat(_PERIOD_S)
+        heard = _heard(listener, services.take, ended)
+        for telemetry in _reported(pilot, heard, driver.ask):
             driver.path.take(telemetry)
-            _publish(pilot, telemetry, names)
+            if joints.due(telemetry.time_s):
+                _publish(pilot, telemetry, names)
             state.publish(telemetry, pilot.health(), pilot.ignored)
 
 
@@ -96,22 +98,20 @@ def _heard(
         yield telemetry
 
 
-def _due(
+def _reported(
     pilot: RosPilot,
     heard: Iterable[Telemetry | None],
     ask: Callable[[Request], bool],
 ) -> Iterator[Telemetry]:
-    """Yield every telemetry that is due, and report what is wrong with the link."""
-    reported, due_s = "", -np.inf
+    """Yield all telemetry, and report what is wrong with the link."""
+    reported = ""
     for telemetry in heard:
         note = pilot.health().note
         if note != reported:
             reported = note
             ask(Note("link", f"ROS: {note or 'reached again'}"))
-        if telemetry is None or 0.0 < due_s - telemetry.time_s <= _PERIOD_S:
-            continue
-        due_s = telemetry.time_s + _PERIOD_S - 1e-6
-        yield telemetry
+        if telemetry is not None:
+            yield telemetry
 
 
 def _publish(pilot: RosPilot, telemetry: Telemetry, names: tuple[str, ...]) -> None:

@@ -1,17 +1,18 @@
 """What the service publishes to ROS of the robot's state, beside joints and targets."""
 
-import math
 from collections.abc import Iterator
 
 from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.ros import RosLink
 from gaitchain.backends.ros import messages as ros
+from gaitchain.live.clock import Beat
 from gaitchain.live.messages import Telemetry
 from gaitchain.live.ros_state import RosFrames, diagnostics, imu, odometry
+from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.robot.robot import Robot
 from gaitchain.robot.urdf import urdf_of
 
-_FRAMES_S, _DIAGNOSTICS_S = 0.02, 1.0  # least times between messages
+_FRAMES_S, _DIAGNOSTICS_S = 0.02, 1.0  # between messages
 
 
 class StateTopics:
@@ -28,7 +29,8 @@ class StateTopics:
         """
         self._link, self._robot, self._behind = link, robot, behind
         self._frames = RosFrames(robot)
-        self._frames_s = self._diagnostics_s = -math.inf
+        self._felt, self._framed = Beat(CONTROL_PERIOD_S), Beat(_FRAMES_S)
+        self._diagnosed = Beat(_DIAGNOSTICS_S)
         link.advertise("/odom", ros.Odometry)
         link.advertise("/tf", ros.TFMessage)
         link.advertise("/diagnostics", ros.DiagnosticArray)
@@ -41,23 +43,22 @@ class StateTopics:
         """Publish what is due; never blocks.
 
         Args:
-            t: the telemetry.
+            t: the next row of the loop.
             health: of the link.
             ignored: number of commands from ROS that were not taken.
         """
         for topic, message in self._due(t):
             self._link.publish(topic, message)
-        if not 0.0 < self._diagnostics_s - t.time_s <= _DIAGNOSTICS_S:
-            self._diagnostics_s = t.time_s + _DIAGNOSTICS_S - 1e-6
+        if self._diagnosed.due(t.time_s):
             told = diagnostics(t, self._robot.name, health, ignored)
             self._link.publish("/diagnostics", told)
 
     def _due(self, t: Telemetry) -> Iterator[tuple[str, ros.Message]]:
-        measured = None if self._behind else imu(t)
-        if measured is not None:
-            yield "/imu/data", measured
-        if not 0.0 < self._frames_s - t.time_s <= _FRAMES_S:
-            self._frames_s = t.time_s + _FRAMES_S - 1e-6
+        if not self._behind and self._felt.due(t.time_s):
+            measured = imu(t)
+            if measured is not None:
+                yield "/imu/data", measured
+        if self._framed.due(t.time_s):
             links = () if self._behind else self._frames.links(t)
             yield "/tf", ros.TFMessage((*self._frames.base(t), *links))
             if t.odometry is not None:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from gaitchain.backends.ros import messages as ros
+from gaitchain.live.clock import Beat
 from gaitchain.live.messages import Choice, Event, Telemetry
 from gaitchain.live.ros_state import (
     ODOM,
@@ -52,8 +53,8 @@ class TopicBuilder:
         """Take the robot."""
         self._names = robot.legs.joint_names
         self._stage = Stage(robot)
-        self._joints, self._scene = _Beat(_JOINTS_S), _Beat(_SCENE_S)
-        self._cmd_vel, self._diagnosed = _Beat(_COMMAND_S), _Beat(_DIAGNOSTICS_S)
+        self._joints, self._scene = Beat(_JOINTS_S), Beat(_SCENE_S)
+        self._cmd_vel, self._diagnosed = Beat(_COMMAND_S), Beat(_DIAGNOSTICS_S)
         self._frames, self._robot = RosFrames(robot), robot
         self._described = False
         self._truth_s = math.inf
@@ -139,22 +140,6 @@ class TopicBuilder:
         )
         header = _header(t.stamp_ns, _WORLD)
         return ros.TransformStamped(header, child, place), points
-
-
-class _Beat:
-    """Says when something is due again, on a clock that may jump or run backward."""
-
-    def __init__(self, period_s: float) -> None:
-        self._period_s, self._next_s = period_s, -math.inf
-
-    def due(self, now_s: float) -> bool:
-        """Whether it is; a row may come a quarter of the period early."""
-        period_s, ahead_s = self._period_s, self._next_s - now_s
-        if 0.25 * period_s < ahead_s <= 1.5 * period_s:
-            return False
-        on_beat = -period_s < ahead_s <= 0.25 * period_s
-        self._next_s = (self._next_s if on_beat else now_s) + period_s
-        return True
 
 
 def _pose_of(numbers: Sequence[float]) -> Array:
