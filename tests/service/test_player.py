@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import threading
+from contextlib import closing
 from itertools import pairwise
 
 import pytest
@@ -28,6 +29,7 @@ from gaitchain.live.messages import (
     Stop,
 )
 from gaitchain.service.channel import Asker, Listener
+from gaitchain.service.fall_watch import FallWatch
 from gaitchain.service.player_part import Player, run
 from gaitchain.service.settings import Settings, save_settings
 
@@ -109,7 +111,7 @@ def test_at_its_end_a_log_pauses_and_goes_on_telling_the_last_row(path):
     assert len(heard) == pytest.approx(25, abs=2)
     assert {t.steps for _, t in heard} == {99}
     assert {t.reason for _, t in heard} == {
-        "replay of walk.mcap, paused at 7.0 s, its end"
+        f"{FALLEN['reason']} (replay of walk.mcap, paused at 7.0 s, its end)"
     }
     page.ask(Start("me"))
     assert page.run(0.5)[0][1].steps == 0
@@ -120,7 +122,7 @@ def test_a_log_that_is_cut_says_so_at_its_end(path):
     page = Page(path)
     page.run(2.0)
     reason = page.run(0.1)[0][1].reason
-    assert reason.endswith(", its end; the end is missing, after 100 rows")
+    assert reason.endswith(", its end; the end is missing, after 100 rows)")
 
 
 @pytest.mark.parametrize("pause", [Stop("me"), EmergencyStop("me")])
@@ -249,6 +251,16 @@ def test_a_log_is_sought_paused_and_played_at_another_speed(path):
     assert [t.steps for _, t in heard if t.events] == [30]  # none is passed over
     page.ask(Play("me", at_s=99.0, playing=False))
     assert page.run(0.1)[-1][1].steps == 99
+
+
+def test_a_fall_is_told_where_a_log_is_paused_behind_it(path):
+    page, watch = Page(path), FallWatch(LIBRARY)
+    page.ask(Play("me", at_s=2.5, playing=False))
+    with closing(watch):
+        for _, row in page.run(0.5):
+            watch.take(row)
+        assert row.reason.startswith(FALLEN["reason"])
+        assert watch.latest.sentence.startswith(f"The robot {FALLEN['reason']} (")
 
 
 def test_at_its_end_a_log_plays_from_the_beginning(path):

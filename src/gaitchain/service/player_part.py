@@ -230,14 +230,17 @@ class Player:
         )
 
     def _reason(self) -> str:
-        row, log = self._row, self._log
-        if self._playing:
-            where = f"replay of {log.path.name}, {row.time_s:.1f} s"
-            return f"{row.reason} ({where})" if row.reason else where
-        place = f"replay of {log.path.name}, paused at {row.time_s:.1f} s"
-        if not self._over:
-            return place
-        return f"{place}, its end" + (f"; {log.damage}" if log.damage else "")
+        """Return the row's own reason with the place in the log."""
+        own, where = self._row.reason, self._where()
+        return f"{own} ({where})" if own else where
+
+    def _where(self) -> str:
+        paused = "" if self._playing else "paused at "
+        where = f"replay of {self._log.path.name}, {paused}{self._row.time_s:.1f} s"
+        if self._playing or not self._over:
+            return where
+        damage = self._log.damage
+        return f"{where}, its end" + (f"; {damage}" if damage else "")
 
     def _own_events(self) -> tuple[Event, ...]:
         """Return what other parts of the service had to say."""
