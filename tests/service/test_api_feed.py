@@ -4,6 +4,7 @@ import threading
 from contextlib import closing
 from itertools import count
 
+import msgspec
 import pytest
 from api_server import small_library
 from patience import Deadline
@@ -11,6 +12,7 @@ from telemetry_factory import BEGAN_NS, told
 
 from gaitchain.backends.base import Truth
 from gaitchain.live.messages import Event, Recall, ReplayState
+from gaitchain.service import api_feed
 from gaitchain.service.api_feed import Feed, _better
 from gaitchain.service.channel import LoopEnd
 from gaitchain.service.fall_watch import FallWatch
@@ -68,3 +70,58 @@ def test_every_loop_is_asked_for_what_it_said_to_nobody(tmp_path, deaf):
         live(tmp_path, first, lambda: len(feed.events) == 1, 5000)
         live(tmp_path, second, lambda: len(feed.events) == 2, 1, deaf)
     assert [event.stamp_ns for event in feed.events] == [BEGAN_NS + 1, BEGAN_NS + 2]
+
+
+def happened(*at):
+    """Events so late, each named by its time."""
+    return tuple(Event(s, BEGAN_NS + round(1e9 * s), "world", str(s)) for s in at)
+
+
+@pytest.fixture
+def feed(tmp_path):
+    """Takes rows one by one."""
+    watch = FallWatch(small_library())
+    yield Feed(tmp_path, watch, 1.0)
+    watch.close()
+
+
+def told_by(feed):
+    return [(event.number, float(event.text)) for event in feed.events]
+
+
+def test_events_of_lost_rows_come_before_what_happened_after_them(feed):
+    for number in (1, 2, 5, 6):
+        feed.hear(told(RES, number=number, events=happened(float(number))))
+    assert told_by(feed) == [(1, 1.0), (2, 2.0)]
+    assert feed.misses
+    past, now = happened(1.0, 2.0, 3.0, 4.0, 5.0, 6.0), happened(7.0)
+    feed.hear(told(RES, number=7, recalled=past, events=now))
+    assert told_by(feed) == [(n, float(n)) for n in range(1, 8)]
+    assert not feed.misses
+
+
+def test_what_a_loop_said_that_ended_comes_before_what_the_next_one_says(feed):
+    feed.hear(told(RES, number=5, events=happened(5.0)))
+    feed.hear(told(RES, number=1))
+    feed.hear(told(RES, number=2, recalled=happened(6.0, 7.0)))
+    assert told_by(feed) == [(1, 5.0), (2, 6.0), (3, 7.0)]
+
+
+def test_events_are_not_held_for_ever_where_nobody_repeats_those_before(
+    feed, monkeypatch
+):
+    feed.hear(told(RES, number=5, events=happened(5.0)))
+    assert feed.events == ()
+    monkeypatch.setattr(api_feed, "_HELD_S", 0.0)
+    feed.hear(told(RES, number=6, events=happened(6.0)))
+    assert told_by(feed) == [(1, 5.0), (2, 6.0)]
+    assert feed.misses
+
+
+def test_a_replay_whose_rows_are_not_all_shown_misses_nothing(feed):
+    """Nor does its player repeat any; a part that is played again is told again."""
+    for number in (5, 9, 5):
+        row = told(RES, number=number, events=happened(float(number)))
+        feed.hear(msgspec.structs.replace(row, replay=replay(playing=True)))
+    assert told_by(feed) == [(1, 5.0), (2, 9.0), (3, 5.0)]
+    assert not feed.misses

@@ -475,7 +475,7 @@ def test_frames_are_made_once_for_all_clients(tmp_path):
     service = make_service(
         Settings(library=""), small_library(), ApiLimits(), tmp_path, asker
     )
-    service.feed._take(told(small_library().robot))
+    service.feed.hear(told(small_library().robot))
     assert service.hub.frame() is service.hub.frame()
     asker.close()
 

@@ -16,6 +16,7 @@ from gaitchain.service.schemas import Fall, NumberedEvent
 _KEPT_EVENTS = 200
 _POLL_S = 0.2
 _ASK_EVERY_S = 0.5  # for what was said before; a loop that ends takes a request with it
+_HELD_S = 2.0  # events wait at most so long for those before them
 _TRUTH_S = 0.1  # older than this, what the simulator knew is no picture of now
 
 
@@ -34,7 +35,9 @@ class Feed:
         self._newest: tuple[float, Telemetry] | None = None
         self.events: tuple[NumberedEvent, ...] = ()
         """The latest events, the newest last."""
-        self._number = 0
+        self._number = self._row = 0
+        self._held: list[Event] = []
+        self._missed_s: float | None = None  # since when some may have been missed
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._read, name="telemetry")
 
@@ -75,8 +78,13 @@ class Feed:
             return events
         return tuple(event for event in events if event.number > number)
 
+    @property
+    def misses(self) -> bool:
+        """Whether rows were lost whose events the loop has not repeated yet."""
+        return self._missed_s is not None
+
     def _read(self) -> None:
-        missed, number, asked_s = True, 0, -math.inf
+        asked_s = -math.inf
         with (
             closing(Listener(self._folder)) as listener,
             closing(Asker(self._folder)) as asker,
@@ -87,28 +95,48 @@ class Feed:
                 except msgspec.DecodeError:  # of another version of this package
                     continue
                 if telemetry is None:
+                    self._give_out()
                     continue
-                self._take(telemetry)
-                # Rows were lost, or a loop began again and told nobody of its first.
-                missed = missed or telemetry.number != number + 1
-                missed = missed and not telemetry.recalled
-                number = telemetry.number
-                if missed and time.monotonic() - asked_s > _ASK_EVERY_S:
+                self.hear(telemetry)
+                if self.misses and time.monotonic() - asked_s > _ASK_EVERY_S:
                     asked_s = time.monotonic()
                     asker.ask(Recall())
 
-    def _take(self, telemetry: Telemetry) -> None:
-        # By UNIX time, as each loop's own clock begins at 0.
-        known = {(event.stamp_ns, event.text) for event in self.events}
-        for event in telemetry.recalled:
-            if (event.stamp_ns, event.text) not in known:
-                self._note(event)
-        for event in telemetry.events:
-            self._note(event)
+    def hear(self, telemetry: Telemetry) -> None:
+        """Take the next row that came."""
+        self._find_gap(telemetry)
+        self._hold(telemetry)
+        self._give_out()
         now, newest = time.monotonic(), self._newest
         shown = telemetry if newest is None else _better(newest[1], telemetry)
         self._watch.take(telemetry)  # first: a frame of a fall has its own sentence
         self._newest = now, shown
+
+    def _find_gap(self, telemetry: Telemetry) -> None:
+        """See whether rows were lost, or a loop told nobody of its first.
+
+        A log that is played has gaps wherever it is sought, and repeats nothing.
+        """
+        follows = telemetry.number == self._row + 1
+        self._row = telemetry.number
+        if telemetry.recalled:
+            self._missed_s = None
+        elif not follows and not self.misses and telemetry.replay is None:
+            self._missed_s = time.monotonic()
+
+    def _hold(self, telemetry: Telemetry) -> None:
+        known = {_key(e) for e in self.events} | {_key(e) for e in self._held}
+        self._held += (e for e in telemetry.recalled if _key(e) not in known)
+        self._held += telemetry.events
+
+    def _give_out(self) -> None:
+        """Number what happened, unless what happened before it is still to come."""
+        missed_s = self._missed_s
+        if missed_s is not None and time.monotonic() - missed_s < _HELD_S:
+            return
+        for event in sorted(self._held, key=lambda event: event.stamp_ns):
+            self._note(event)
+        self._held.clear()
 
     def _note(self, event: Event) -> None:
         self._number += 1
@@ -117,6 +145,11 @@ class Feed:
         )
         # A new tuple each time: others read it while this thread goes on.
         self.events = (*self.events[1 - _KEPT_EVENTS :], noted)
+
+
+def _key(event: Event | NumberedEvent) -> tuple[int, str]:
+    """Return what tells events apart; each loop's own clock begins at 0."""
+    return event.stamp_ns, event.text
 
 
 def _better(before: Telemetry, now: Telemetry) -> Telemetry:
