@@ -10,6 +10,7 @@ from api_server import API, PATIENCE_S, TOKEN, served, small_library
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.live.messages import FollowSteps, Going, GoTo, Mode, ReplayState
 from gaitchain.walker.footsteps import Footstep
+from gaitchain.walker.stride_generator import StrideGenerator
 from gaitchain.walker.waypoints import Place
 
 HERE = Place(1.0, 2.0)
@@ -135,6 +136,12 @@ def test_footsteps_reach_the_loop(here):
     assert follow(here, *steps).status_code == 202
     asked = here.loop.until_asked(FollowSteps)
     assert asked.steps == tuple(Footstep(s["left"], s["x"], s["y"]) for s in steps)
+
+
+def test_the_first_footsteps_wait_for_no_tables(here, monkeypatch):
+    """They are computed before requests are answered: a stop may wait behind."""
+    monkeypatch.setattr(StrideGenerator, "__init__", None)
+    assert follow(here, landing(True, 0.0)).status_code == 202
 
 
 def test_a_step_that_cannot_be_made_is_answered_with_its_number(here):

@@ -15,7 +15,7 @@ from gaitchain.errors import CommandError, LibraryError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.step_target import Step
+from gaitchain.gait.step_target import Landing, Step
 from gaitchain.gait.stride.draw import draw_strides
 from gaitchain.gait.stride.presets import STRIDE_PRESETS
 from gaitchain.gait.stride.shape import StrideShape
@@ -398,6 +398,26 @@ def test_a_landing_is_trimmed_within_its_cell(full, command, pose):
         assert np.isclose(nearest, stride[axis]).any()
     if state.target == STAND:
         np.testing.assert_array_equal(landing, stride)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_places_for_steps_are_met_by_the_nearest_strides_in_turn(full, seed):
+    """By the definition, stride by stride: a tenth of the tolerance costs 1."""
+    t, rng = full.tables, np.random.default_rng(seed)
+    places = t.strides[rng.integers(len(t.strides), size=6)]
+    places = places + rng.normal(size=places.shape) * t.tolerance
+    pose = STAND
+    for number, made in enumerate(full.nearest_in_turn([Landing(*p) for p in places])):
+        best, wanted = (math.inf, STAND, ()), places[number]
+        for stride, (low, high) in enumerate(zip(*t.cell, strict=True)):
+            ends = np.isfinite(t.path_cost[stride, STAND]) or number < len(places) - 1
+            lands = t.strides[STAND] if stride == STAND else np.clip(wanted, low, high)
+            miss = float((((lands - wanted) / (0.1 * t.tolerance)) ** 2).sum())
+            cost = t.path_cost[pose, stride] + miss
+            if ends and cost < best[0]:
+                best = cost, stride, tuple(lands.tolist())
+        assert made == pytest.approx(best[2])
+        pose = best[1]
 
 
 @settings(max_examples=50)

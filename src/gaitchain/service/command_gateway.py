@@ -1,9 +1,8 @@
 """Check the requests of drivers, from REST and stream, before they go to the loop."""
 
-from functools import cached_property
-
 from gaitchain.errors import CommandError, ServiceError
 from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.live.messages import (
     Disturb,
     Drive,
@@ -92,10 +91,16 @@ class CommandGateway:
             library: that the loop walks.
             limits: of what disturbs the robot; None where it is not simulated.
             replays: whether a log is played in place of a loop.
+
+        Raises:
+            LibraryError: no walk of a library of strides passed physics.
         """
         self._feed, self._asker = feed, asker
         self._library, self._limits, self._replays = library, limits, replays
         self._span = library.command_range
+        self._strides: StrideGenerator | None = None  # what the loop chooses strides by
+        if isinstance(library.poses, StridePoses) and not replays:
+            self._strides = StrideGenerator(library)  # now, as later a stop may wait
         self._passed: FollowSteps | None = None  # that were found to be possible
 
     def drive(self, driver: str, motion: Motion) -> None:
@@ -166,16 +171,12 @@ class CommandGateway:
                 409, f"footsteps begin from a stand; the robot is {telemetry.mode}"
             )
         feet = dict(zip((1.0, -1.0), telemetry.feet, strict=True))
-        stance = self._strides.stance
+        strides = self._strides
+        assert strides is not None  # no other library knows a place
         try:
-            check_footsteps(self._strides, feet, steps, stance)
+            check_footsteps(strides, feet, steps, strides.stance)
         except CommandError as error:
             raise RefusedError(409, str(error)) from error
-
-    @cached_property
-    def _strides(self) -> StrideGenerator:
-        """What the loop chooses strides by."""
-        return StrideGenerator(self._library)
 
     def _check_strides(self, telemetry: Telemetry) -> Telemetry:
         """Refuse places where nothing says where the robot is."""

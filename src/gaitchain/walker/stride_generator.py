@@ -5,6 +5,7 @@ foot; the stride that is nearest to it is chosen among those that passed physics
 """
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -137,20 +138,49 @@ class StrideGenerator(Generator):
         Returns:
             The stride, and where it lands.
         """
-        beside = Landing(*self._strides[STAND].tolist())
-        standing = np.isfinite(self._path_cost[pose, STAND])
-        if before_stop and standing and self.is_near(landing, beside):
-            return STAND, beside
+        (made,), (missed,) = self._reached(np.array([landing]))
+        best = self._best(pose, landing, missed, before_stop=before_stop)
+        return best, Landing(*made[best].tolist())
+
+    def nearest_in_turn(self, landings: Sequence[Landing]) -> Iterator[Landing]:
+        """Yield where steps from a stand land that come nearest to places.
+
+        Args:
+            landings: a place for each step, seen from its support foot; after the last
+                one the robot has to be able to stand.
+        """
+        made, missed = self._reached(np.array(landings))
+        pose, last = STAND, len(landings) - 1
+        for step, landing in enumerate(landings):
+            pose = self._best(pose, landing, missed[step], before_stop=step == last)
+            yield Landing(*made[step, pose].tolist())
+
+    def _reached(self, wanted: Array) -> tuple[Array, Array]:
+        """Return where each stride lands nearest to places, and what it misses costs.
+
+        Args:
+            wanted: (S, 3) places.
+
+        Returns:
+            Landings, (S, N_4, 3), and costs, (S, N_4).
+        """
         low, high = (end.copy() for end in self._cell)
         low[STAND] = high[STAND] = self._strides[STAND]
-        wanted = np.array(landing)
-        made = np.minimum(np.maximum(wanted, low), high)
-        missed = np.sum(((made - wanted) / (_EXACT * self._tolerance)) ** 2, axis=1)
+        made = np.minimum(np.maximum(wanted[:, None], low), high)
+        missed = (made - wanted[:, None]) / (_EXACT * self._tolerance)
+        return made, np.sum(missed**2, axis=2)
+
+    def _best(
+        self, pose: int, landing: Landing, missed: Array, *, before_stop: bool
+    ) -> int:
+        """Return the stride from a pose that misses a place at the least cost."""
         costs = self._path_cost[pose] + missed
         if before_stop:
+            beside = Landing(*self._strides[STAND].tolist())
+            if np.isfinite(costs[STAND]) and self.is_near(landing, beside):
+                return STAND
             costs[~np.isfinite(self._path_cost[:, STAND])] = np.inf
-        best = int(np.argmin(costs))
-        return best, Landing(*made[best].tolist())
+        return int(np.argmin(costs))
 
     def is_near(self, wanted: Landing, made: Landing) -> bool:
         """Return whether a landing is as good as the one that was wanted."""
