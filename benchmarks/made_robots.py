@@ -1,12 +1,14 @@
 """Humanoids that nobody tuned, made at random, and what a build makes of them.
 
     python benchmarks/made_robots.py FOLDER [--robots 20] [--seed 1] [--only make]
+        [--ankle-yaw]
 
 Writes FOLDER/robot_N.xml: legs of 0.15 to 1 m with 5 to 7 joints each (5: no ankle
-roll; 7: toes), wide and narrow soles and hips, heavy and light legs, soft and stiff
-servos; in some the hips turn through a gear, or two cranks move the ankle. Each is then
-built without options; the table says for each what was made of it, the speed or the
-reason. Libraries are kept, so that an interrupted run goes on.
+roll; 7: toes, which a build holds; with --ankle-yaw seven that walk), wide and narrow
+soles and hips, heavy and light legs, soft and stiff servos; in some the hips turn
+through a gear, or two cranks move the ankle. Each is then built without options; the
+table says for each what was made of it, the speed or the reason. Libraries are kept, so
+that an interrupted run goes on.
 """
 
 import argparse
@@ -58,6 +60,8 @@ class Draw(NamedTuple):
     """Range of the ankle's pitch, either way."""
     drive: str
     """Where motors sit: "joints", "gear" for a hip yaw behind one, or "cranks"."""
+    ankle_yaw: bool = False
+    """Whether the ankle has a third axis; of those not drawn."""
 
 
 def draw(seed: int, number: int) -> Draw:
@@ -123,6 +127,11 @@ def _add_leg(spec, trunk, drawn: Draw, side: str, sign: float, mass: float) -> N
     if drawn.joints == 5:
         *upper, ankle, tilt = chain
         chain = [*upper, (*ankle[:4], ankle[4] + tilt[4], ankle[5])]
+    if drawn.ankle_yaw:
+        *upper, tilt = chain
+        light = 0.5 * tilt[4]
+        twist = "twist", (0, 0, 1), (-0.8, 0.8), 0.0, light, 0.5
+        chain = [*upper, (*tilt[:4], light, tilt[5]), twist]
     body = shank = trunk
     linked = drawn.drive == "cranks" and drawn.joints > 5
     for i, (joint, axis, span, below, part, strength) in enumerate(chain):
@@ -309,10 +318,13 @@ def main() -> None:
     parser.add_argument("--robots", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", choices=["make"])
+    parser.add_argument("--ankle-yaw", action="store_true")
     asked = parser.parse_args()
     asked.folder.mkdir(parents=True, exist_ok=True)
     for number in range(asked.robots):
         drawn = draw(asked.seed, number)
+        if asked.ankle_yaw:
+            drawn = drawn._replace(joints=6, drive="joints", ankle_yaw=True)
         path = asked.folder / f"robot_{number}.xml"
         spec = robot_spec(drawn, f"made {asked.seed}.{number}")
         spec.compile()
