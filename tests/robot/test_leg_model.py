@@ -90,6 +90,15 @@ def test_last_digits_of_another_processor_do_not_change_the_fingerprint():
     assert again.fingerprint == BOX.fingerprint
 
 
+@pytest.mark.parametrize("rounded", [-0.0, -1e-17, 1e-17])
+def test_the_sign_of_a_rounding_error_does_not_change_the_fingerprint(rounded):
+    """A sole under its ankle, or an arm that hangs, is at 0 or at either side of it."""
+    none, own = ({"neck": angle} for angle in (0.0, rounded))
+    assert replace(BOX, held=own).fingerprint == replace(BOX, held=none).fingerprint
+    one, other = (with_legs(RES, BOX, sole_offset=x) for x in (0.0, rounded))
+    assert other.fingerprint == one.fingerprint
+
+
 def test_the_same_numbers_have_the_same_fingerprint():
     again = replace(BOX, at=np.asfortranarray(BOX.at), stand=BOX.stand.tolist())
     assert again.fingerprint == BOX.fingerprint

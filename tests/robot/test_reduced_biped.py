@@ -214,6 +214,12 @@ def test_fingerprint_follows_every_number(key):
     assert resized(changed, **{key: value}).fingerprint == res.fingerprint
 
 
+def test_fingerprint_does_not_tell_minus_0_from_0():
+    res = load_box_robot("res")
+    one, other = (resized(res, sole_offset=zero) for zero in (0.0, -0.0))
+    assert one == other and one.fingerprint == other.fingerprint
+
+
 def test_fingerprint_ignores_names_and_sources():
     table = res_table()
     table["name"] = "another"

@@ -173,12 +173,13 @@ class LegModel:
     @property
     def fingerprint(self) -> str:
         """Hash of every number, to `DECIMALS`, and of every name."""
+        # A rounding error at 0 may have either sign: + 0.0 leaves no -0.
         facts = self.facts()
         facts["trunk_mass"] = round(self.trunk_mass, DECIMALS)
-        facts["held"] = {n: round(q, DECIMALS) for n, q in self.held.items()}
+        facts["held"] = {n: round(q, DECIMALS) + 0.0 for n, q in self.held.items()}
         digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode())
         for name, array in self.arrays().items():
-            rounded = np.round(np.ascontiguousarray(array), DECIMALS) + 0.0  # no -0
+            rounded = np.round(np.ascontiguousarray(array), DECIMALS) + 0.0
             digest.update(name.encode() + rounded.tobytes())
         return digest.hexdigest()[:16]
 

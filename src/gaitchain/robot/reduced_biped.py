@@ -82,7 +82,8 @@ class ReducedBiped:
         found = self.numbers()
         if decimals is not None:
             found = {name: round(value, decimals) for name, value in found.items()}
-        return "".join(f"{name}={value!r};" for name, value in found.items())
+        # A rounding error at 0 may have either sign: no -0.
+        return "".join(f"{name}={value + 0.0!r};" for name, value in found.items())
 
     def numbers(self) -> dict[str, float]:
         """Return all quantities of the robot by name, in SI units."""
