@@ -80,6 +80,30 @@ def test_soles_joints_and_names_matter_as_they_are(robot):
     assert differences_that_matter(robot, changed(robot, joint_names=names))
 
 
+@pytest.mark.parametrize(("legs", "matters"), [(0.0009, False), (0.0011, True)])
+def test_soles_may_be_thicker_by_as_little_as_joints_may_be_elsewhere(
+    robot, legs, matters
+):
+    thicker = robot.reduced.ankle_height + legs * robot.reduced.leg_length
+    other = replace(robot, reduced=replace(robot.reduced, ankle_height=thicker))
+    told = differences_that_matter(robot, other)
+    assert [text.split()[0] for text in told] == ["ankle_height"] * matters
+
+
+def test_thicker_soles_in_a_file_matter(toy_library, tmp_path):
+    """Soles of the same mass and CoM, so that nothing else of the legs differs."""
+    sole = '<geom type="box" size="0.09 0.05 0.01" pos="0.02 0 {}" mass="0.3"/>'
+    mass = '<inertial mass="0.3" pos="0.02 0 -0.04" diaginertia="3e-4 8e-4 1e-3"/>'
+    file, thin = tmp_path / "soles.xml", sole.format("-0.04")
+    pair = []
+    for made in (thin, sole.format("-0.05")):
+        file.write_text(toy().replace(thin, mass + made), "utf-8")
+        pair.append(load_robot(file))
+    own = replace(toy_library, poses=replace(toy_library.poses, robot=pair[0]))
+    with pytest.raises(LibraryError, match=r"differs in ankle_height 0\.05 / 0\.06"):
+        check_robot(own, pair[1])
+
+
 def test_a_library_of_a_robot_that_differs_a_little_is_told(toy_library, caplog):
     robot: Robot = toy_library.robot
     with caplog.at_level(logging.WARNING):

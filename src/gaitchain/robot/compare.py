@@ -75,8 +75,8 @@ def differences_that_matter(one: Robot, other: Robot) -> list[str]:
     """Describe what differs by more than between the robots that training draws.
 
     Masses and inertia may differ by 5 %, gains of servos by 10 %, each CoM by 0.005 and
-    each joint's place by 0.001 legs; the other robot's limits may be wider. Of robots
-    of boxes all matters.
+    each joint's place and the ankles' height over the soles by 0.001 legs; the other
+    robot's limits may be wider. Of robots of boxes all matters.
 
     Args:
         one: the robot that a library was built for.
@@ -101,9 +101,12 @@ def _where_it_matters(one: Robot, other: Robot) -> Robot:
         alike = _matters_not(name, np.asarray(own), np.asarray(others), leg)
         legs[name] = np.where(alike, own, others)
     legs["trunk_mass"] = float(legs["trunk_mass"])
+    own, others = one.reduced.ankle_height, other.reduced.ankle_height
+    off = abs(others - own) > _LEGS["at"] * leg
     # All else of a full robot's reduced biped follows from its joints and links.
     reduced = replace(
         one.reduced,
+        ankle_height=others if off else own,
         sole_length=other.reduced.sole_length,
         sole_width=other.reduced.sole_width,
         sole_offset=other.reduced.sole_offset,
