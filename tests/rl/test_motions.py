@@ -56,6 +56,17 @@ def test_a_grid_reaches_the_ends_and_stays_in_the_range():
     assert corner.command.motion == pytest.approx((0.25, 0.0625, 0.0))
 
 
+@pytest.mark.parametrize(
+    ("ahead", "speeds"),
+    [((0.0, 0.4), [0.0, 0.2, 0.4]), ((-0.4, 0.0), [-0.4, -0.2, 0.0])],
+)
+def test_a_grid_has_no_command_twice(ahead, speeds):
+    """A direction that is missing has parts, too, all of which are 0."""
+    grid = command_grid(CommandRange(ahead, yaw_rate=(0.0, 0.5)), (5, 3, 3))
+    rows = [asked.wanted.motion for asked in grid]
+    assert rows == [(vx, 0.0, rate) for vx in speeds for rate in (0.0, 0.5)]
+
+
 def test_a_motion_is_a_steady_walk(plan, ahead):
     assert not ahead.fell
     assert len(ahead.time) == 75 and ahead.time[1] == pytest.approx(1.0 / HZ)
@@ -316,7 +327,11 @@ def test_open_duck_finds_its_polynomials(plan, motions, tmp_path):
     joints = len(plan.library.robot.legs.joint_names)
     assert read[:joints] == pytest.approx(cycle.joints[9], abs=0.02)
     assert read[2 * joints + 2] == pytest.approx(cycle.velocity[9, 0], abs=0.1)
-    assert json.loads(beside.read_text())["joint_error_rad"] < 0.03
+    told = json.loads(beside.read_text())
+    assert told["joint_error_rad"] < 0.03
+    assert list(told["walked"]) == list(told["motions"]) == list(found)
+    done = [list(asked.command.motion) for asked in plan.commands]
+    assert list(told["walked"].values()) == done
 
 
 def test_open_duck_has_the_time_of_a_cycle_that_was_walked(plan, tmp_path):

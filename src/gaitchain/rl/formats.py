@@ -88,7 +88,7 @@ def write_open_duck(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Pat
     Keys are "vx_vy_yaw" of the grid, which has to be complete: corners outside the
     library's range hold the motion scaled into it. Readers know one time of a cycle,
     the mean that was walked, rounded to whole frames of 20 ms. A second file, .json,
-    has the same numbers and what was walked.
+    has the same numbers and, by the same keys, what was walked.
 
     Raises:
         CommandError: a motion holds no whole cycle, or a file cannot be written.
@@ -97,10 +97,12 @@ def write_open_duck(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Pat
     frames = _cycle_frames(true_s)
     cycles = [mean_cycle(motion, plan.cycle_s, frames) for motion in motions]
     degree, error = best_degree(cycles)
-    found: dict[str, Any] = {}
-    for asked, cycle in zip(plan.commands, cycles, strict=True):
-        key = "_".join(f"{value:.3f}" for value in asked.wanted.motion)
-        found[key] = _polynomials(cycle.rows, degree, frames)
+    keys = ["_".join(f"{v:.3f}" for v in a.wanted.motion) for a in plan.commands]
+    found = {
+        key: _polynomials(cycle.rows, degree, frames)
+        for key, cycle in zip(keys, cycles, strict=True)
+    }
+    walked = (asked.command.motion for asked in plan.commands)
     _write(to, pickle.dumps(found))
     beside = to.with_suffix(".json")
     about = {
@@ -108,7 +110,7 @@ def write_open_duck(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Pat
         "true_period_s": true_s,
         "degree": degree,
         "joint_error_rad": error,
-        "walked": [list(asked.command.motion) for asked in plan.commands],
+        "walked": dict(zip(keys, walked, strict=True)),
         "motions": found,
     }
     return [to, _write(beside, json.dumps(about).encode())]

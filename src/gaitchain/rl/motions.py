@@ -83,8 +83,8 @@ def command_grid(limits: CommandRange, grid: Sequence[int]) -> list[Asked]:
     """Return the commands of a grid over the whole range.
 
     Each axis has evenly spaced parts of its limits from -1 to 1, or 0 alone where it
-    has no motion. What asks for more than the range is scaled into it, so that the
-    corners lie on its surface.
+    has no motion; where a direction is missing, 0 in place of all its parts. What asks
+    for more than the range is scaled into it, so that the corners lie on its surface.
 
     Args:
         limits: the range.
@@ -94,7 +94,8 @@ def command_grid(limits: CommandRange, grid: Sequence[int]) -> list[Asked]:
     for count, (low, high) in zip(grid, limits.limits, strict=True):
         moves = high > low and count > 1
         axes.append(np.linspace(-1.0, 1.0, count) if moves else np.zeros(1))
-    wanted = (limits.rounded_at(parts) for parts in product(*axes))
+    # Commands that differ by less than they are rounded to are walked once, too.
+    wanted = dict.fromkeys(limits.rounded_at(parts) for parts in product(*axes))
     return [Asked(command, limits.clamp(command)[0]) for command in wanted]
 
 
