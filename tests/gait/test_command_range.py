@@ -110,6 +110,32 @@ def test_a_schedule_is_refused_a_crouch_that_is_none(crouch):
         LOW.check(Command(0.4, crouch=crouch))
 
 
+AHEAD_ALONE = st.tuples(st.floats(0.01, 0.5), st.floats(0.5, 1.0))
+BACK_ALONE = AHEAD_ALONE.map(lambda ends: (-ends[1], -ends[0]))
+
+
+@given(RANGES, ENDS | AHEAD_ALONE | BACK_ALONE, st.integers(0, 2**32 - 1))
+def test_what_is_drawn_is_allowed(span, ahead, seed):
+    """Also where a library has a slowest walk ahead or back, as of key poses."""
+    span = replace(span, vx=ahead)
+    span.check(span.draw(np.random.default_rng(seed)))
+
+
+def test_draws_are_even_from_the_slowest_walk_to_the_fastest():
+    """Oracle: the mean and the deviation of an even distribution."""
+    rng, span = np.random.default_rng(0), CommandRange((0.04, 0.1))
+    speeds = [span.draw(rng).vx for _ in range(4000)]
+    assert 0.039 <= min(speeds) < 0.042 and 0.098 < max(speeds) <= 0.1
+    assert np.mean(speeds) == pytest.approx(0.07, abs=0.001)
+    assert np.std(speeds) == pytest.approx(0.06 / math.sqrt(12.0), abs=0.001)
+
+
+def test_draws_of_a_range_with_0_stay_as_builds_had_them():
+    span = CommandRange((-0.2, 0.4), (-0.1, 0.1), (-0.5, 0.3))
+    drawn = [span.draw(np.random.default_rng(seed)).motion for seed in (2, 3)]
+    assert drawn == [(0.08, 0.034, -0.19), (0.271, 0.01, -0.039)]
+
+
 @given(RANGES, st.tuples(*[st.floats(-0.02, 0.02)] * 3))
 def test_what_a_check_passes_is_walked_and_not_stopped(span, motion):
     """Oracle: each component goes a way that the range has."""

@@ -180,15 +180,21 @@ class CommandRange:
         return Command(*values)
 
     def draw(self, rng: np.random.Generator) -> Command:
-        """Draw a command uniformly from the cross polytope of allowed commands."""
+        """Draw a command uniformly from the cross polytope of allowed commands.
+
+        Where an axis does not include 0, it is as fast as its slowest walk or faster.
+        """
         ranges = np.array(self.limits)
         width = ranges[:, 1] - ranges[:, 0]
         # The volume of an octant of the polytope is proportional to the product of its
         # limits, so the sign of each axis is drawn in proportion to them.
         ahead = rng.random(3) * width < ranges[:, 1]
-        parts = np.zeros(3)
-        known = width > 0.0
-        parts[known] = rng.dirichlet(np.ones(known.sum() + 1))[:-1]
+        low, high = np.array(self.ends).T
+        slowest = np.maximum(np.maximum(low, -high), 0.0)
+        parts, known = np.zeros(3), width > 0.0
+        least = slowest[known] / width[known]
+        rest = 1.0 - least.sum()
+        parts[known] = least + rest * rng.dirichlet(np.ones(known.sum() + 1))[:-1]
         return self.rounded_at(np.where(ahead, parts, -parts))
 
     def check_each(self, command: Command) -> None:
