@@ -10,6 +10,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from other_robots import resized
 from safetensors import safe_open
 from safetensors.numpy import save_file
 from servo_bench import RES
@@ -18,7 +19,7 @@ from gaitchain.cli import run
 from gaitchain.errors import BackendError, LogError
 from gaitchain.identify.log import ExerciseLog, MotionLog, load_log, save_log
 from gaitchain.identify.simulated import exercise_hidden, preview, replay, run_exercise
-from gaitchain.live.exercise import Motion, exercise
+from gaitchain.live.exercise import Motion, exercise, sway
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY
 from gaitchain.sim.bodies import FOOT, SIDES
 from gaitchain.sim.model import build_model
@@ -43,10 +44,12 @@ def test_every_joint_moves():
         assert (np.ptp(motion.targets, axis=0) > 0.01).all()
 
 
-def test_feet_stay_on_the_ground():
+@pytest.mark.parametrize("crus_m", [0.246, 0.346])
+def test_feet_stay_on_the_ground(crus_m):
     """In physics: soles that the targets leave level and in place."""
-    _, standing = MOTIONS
-    seen = replay(RES, standing, np.zeros(2))
+    robot = resized(RES, crus_length=crus_m, femur_length=0.592 - crus_m)
+    standing = sway(robot)
+    seen = replay(robot, standing, np.zeros(2))
     assert len(seen.joint_position) == len(standing.targets)
     slow = np.apply_along_axis(
         lambda felt: np.convolve(felt, np.full(50, 0.02), "valid"), 0, seen.acceleration

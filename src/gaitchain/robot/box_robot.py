@@ -4,6 +4,7 @@ The axes of hip yaw, roll and pitch meet in one point, those of ankle pitch and 
 another; thigh, shank and foot are the boxes of `kinematics.LINKS`.
 """
 
+import math
 import tomllib
 from importlib import resources
 from pathlib import Path
@@ -22,7 +23,8 @@ JOINTS = ("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll
 JOINT_NAMES = tuple(f"{side}_{j}" for side in ("left", "right") for j in JOINTS)
 KNEE = 3
 _AXES = np.eye(3)[[2, 0, 1, 1, 1, 0]]
-_BENT = np.array([0.0, 0.0, -0.45, 1.1, -0.65, 0.0])  # rad; knees bent as in walking
+_BENT = 1.1  # rad; knees bent as in walking
+_OF_LIMIT = 0.9  # of the joints' range, at most: the rest is for balance
 _MOST_BYTES = 1_000_000  # of a robot's numbers
 _FOOT, _CRUS, _FEMUR, _TRUNK = 0, 1, 2, 3  # indices into `kinematics.LINKS`
 
@@ -70,7 +72,7 @@ def box_legs(biped: ReducedBiped) -> LegModel:
         speed_limit=np.full(count, biped.joint_speed_limit),
         armature=np.full(count, biped.joint_armature),
         friction_loss=np.zeros(count),
-        stand=np.tile(_BENT, 2),
+        stand=np.tile(_stand(biped), 2),
     )
 
 
@@ -105,6 +107,19 @@ def box_file(robot: str | Path) -> Path:
     if str(robot) in builtin_robots():
         return Path(str(resources.files("gaitchain")), "data", f"{robot}.toml")
     return Path(robot)
+
+
+def _stand(biped: ReducedBiped) -> Array:
+    """Return a leg's joints with a bent knee, the hip over the ankle, (6,) [rad].
+
+    To 0.01 rad, by which the hip is off by 0.005 of the leg at most: so RES stands in
+    round numbers as ever, on which its library was built.
+    """
+    knee = round(min(_BENT, _OF_LIMIT * biped.joint_angle_limit), 2)
+    behind = biped.crus_length * math.sin(knee)
+    below = biped.femur_length + biped.crus_length * math.cos(knee)
+    thigh = -round(math.atan2(behind, below), 2)
+    return np.array([0.0, 0.0, thigh, knee, round(-thigh - knee, 2), 0.0])
 
 
 def _both(leg: Array) -> Array:
