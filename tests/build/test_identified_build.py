@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gaitchain.build.families import build_of_family
 from gaitchain.build.gait_build import Draw
 from gaitchain.build.keypose import KEY_POSE_BUILD
 from gaitchain.build.workers import Crew
 from gaitchain.cli import run
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.build_config import BuildConfig
+from gaitchain.gait.families import family_of_preset
 from gaitchain.gait.library_file import load_library, save_library
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.robot.identified import Identified, unsure_numbers
@@ -18,6 +20,7 @@ from gaitchain.sim.robot_faults import likely_robot
 from gaitchain.sim.world_range import WorldRange
 
 RES = load_box_robot("res")
+CREW = Crew(1, lambda *news: None)
 COUNT = unsure_numbers(12)
 MINE = RES.as_identified(replace(Identified.of_file(12), unknown=0.02 * np.eye(COUNT)))
 
@@ -51,10 +54,26 @@ def test_it_walks_as_the_library_that_was_identified_unless_told(
     assert ("--preset brisk, that of" in said) is not bool(words)
 
 
+@pytest.mark.parametrize(
+    ("preset", "poses"), [("default", (3, 4, 6, 3)), ("brisk", (6, 1, 1, 6))]
+)
+def test_boxes_that_were_identified_have_the_steps_of_boxes(preset, poses):
+    """As those of a file they had poses placed by their CoM, and another rhythm."""
+    config = BuildConfig(preset=preset, poses_per_layer=poses)
+    build = build_of_family(family_of_preset(preset))
+    own, other = (
+        build.draw(Draw(config, robot, *map(np.random.default_rng, (0, 1)), CREW))
+        for robot in (RES, MINE)
+    )
+    assert other.timing == own.timing
+    for one, another in zip(own.edges, other.edges, strict=True):
+        np.testing.assert_array_equal(another, one)
+
+
 def test_key_poses_are_trained_on_all_robots_that_may_have_made_the_log():
-    rng, crew = np.random.default_rng(0), Crew(1, lambda *news: None)
+    rng = np.random.default_rng(0)
     config = BuildConfig(preset="default", poses_per_layer=(2, 2, 2, 2))
-    plain = KEY_POSE_BUILD.draw(Draw(config, RES, rng, rng, crew)).poses
+    plain = KEY_POSE_BUILD.draw(Draw(config, RES, rng, rng, CREW)).poses
     poses = replace(plain, robot=MINE)
     worlds = KEY_POSE_BUILD.training_worlds(poses, 150.0)
     drawn = [worlds.draw(np.random.default_rng(seed)) for seed in range(2)]

@@ -7,12 +7,14 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from planned_library import planned_res
 from toy_file import toy
 from whole_robot import Whole
 
 from gaitchain.discover.loaded_robot import load_with_findings
 from gaitchain.discover.looks import find_looks, read_looks
 from gaitchain.robot.box_robot import load_box_robot
+from gaitchain.robot.identified import Identified
 from gaitchain.sim.model import build_model
 
 SHARED = Path(__file__).parents[3] / "shared" / "robots"
@@ -165,6 +167,16 @@ def test_a_library_is_drawn_as_its_file_while_that_is_there(
     changed = replace(library.config, robot=str(other))
     assert find_looks(replace(library, config=changed)) == ()
     assert f"{other} has changed in what walking needs" in caplog.text
+
+
+def test_boxes_that_were_identified_have_no_file_to_be_drawn_from(caplog):
+    """It was told that the file of RES had changed."""
+    own = planned_res()
+    found = own.robot.as_identified(Identified.of_file(12))
+    config = replace(own.config, robot="res")
+    mine = replace(own, poses=replace(own.poses, robot=found), config=config)
+    assert find_looks(mine) == ()
+    assert not caplog.text
 
 
 def test_a_robot_of_boxes_has_clothes_of_ours():

@@ -7,13 +7,18 @@ import pytest
 from servo_bench import RES
 from small_build import few_steady_walks
 
+from gaitchain.analysis.simulated_walk import run_unrecorded
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.workers import Crew
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.library_file import load_library, save_library
 from gaitchain.gait.qualification import GridVerdict
+from gaitchain.gait.schedule import Segment
 from gaitchain.identify.adapt import adapt
 from gaitchain.identify.fit import Fit
+from gaitchain.messages import Command
 from gaitchain.robot.identified import Identified
+from gaitchain.walker.walker import Walker
 
 SLOW = CommandRange((-0.1, 0.2), (-0.1, 0.1), (-0.3, 0.3))
 
@@ -66,3 +71,35 @@ def test_what_is_usual_of_its_steps_is_learned_anew(before, after):
     """Play puts steps off that no push did, so that nothing is to be slowed down."""
     worn = replace(Identified.of_file(12), backlash_deg=np.full(12, 1.5))
     assert adapted(before, worn).usual_off > 1.5 * after.usual_off
+
+
+@pytest.fixture(scope="module")
+def as_in_its_file(library):
+    """The library of key poses, for a robot that was identified as that of its file."""
+    robot = library.robot.as_identified(Identified.of_file(12))
+    return replace(library, poses=replace(library.poses, robot=robot))
+
+
+def way(library, robot):
+    """Return when a robot that walks 8 s ahead fell [s], and how far it came [m]."""
+    backend = MujocoBackend(robot)
+    ahead = Segment(Command(library.command_range.vx[1]), 8.0)
+    walked = run_unrecorded(Walker(library), backend, (ahead,))
+    return walked.fell_at_s, backend.data.qpos[0]
+
+
+def test_boxes_that_were_identified_walk_key_poses_as_before(library, as_in_its_file):
+    """Other robots' poses are placed and balanced otherwise. In physics of both."""
+    fell_at_s, before_m = way(library, library.robot)
+    assert fell_at_s is None and before_m > 0.2
+    for robot in (library.robot, as_in_its_file.robot):
+        fell_at_s, after_m = way(as_in_its_file, robot)
+        assert fell_at_s is None
+        assert after_m == pytest.approx(before_m, abs=0.02)
+
+
+def test_a_library_of_key_poses_is_kept_for_boxes_that_were_identified(library):
+    own = adapted(library, Identified.of_file(12))
+    assert own.command_range == library.command_range
+    gates = [found.qualification.gate for found in (own, library)]
+    assert [gate.survived for gate in gates] == [gate.schedules for gate in gates]

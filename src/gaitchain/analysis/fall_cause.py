@@ -167,7 +167,7 @@ def _fitting(advice: str, disturbed: bool, stood: bool) -> str:
 def _stride_advice(rule: Rule, robot: Robot) -> str:
     """Return what to change; servos of a robot from a file have it in the profile."""
     advice = STRIDE_ADVICE[rule]
-    for key, in_profile in _IN_PROFILE.items() if not robot.boxes else ():
+    for key, in_profile in _IN_PROFILE.items() if not robot.of_boxes else ():
         advice = advice.replace(key, in_profile)
     return advice
 

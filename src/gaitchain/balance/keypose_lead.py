@@ -46,7 +46,7 @@ class KeyposeLead:
             stand: (2 n,) its standing pose [rad].
             period_s: control period [s].
         """
-        self._legs = None if robot.boxes else legs_of(robot)
+        self._legs = None if robot.of_boxes else legs_of(robot)
         self._period_s = period_s
         if self._legs is not None:
             found = posture(self._legs, stand)

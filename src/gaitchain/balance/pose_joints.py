@@ -50,7 +50,7 @@ class PoseJoints:
         self.robot, self._legs = robot, legs_of(robot)
         self.ahead = 0.0
         """Pelvis ahead of the reduced biped's hips [m]; 0 for boxes."""
-        if not robot.boxes:
+        if not robot.of_boxes:
             self.ahead = self._balanced_pelvis()
 
     def angles(self, q: Array, left_support: bool) -> Array:
@@ -63,7 +63,7 @@ class PoseJoints:
         Returns:
             (..., 2 n) joint angles, the left leg's first [rad].
         """
-        if self.robot.boxes:
+        if self.robot.of_boxes:
             return joint_angles(q, left_support)
         return self.place(q, left_support).angles
 
@@ -72,7 +72,7 @@ class PoseJoints:
 
         Arguments are those of `angles`.
         """
-        if self.robot.boxes:
+        if self.robot.of_boxes:
             return joint_angles(q, left_support)
         angles, off_m, off_rad = self.place(q, left_support)
         far = _OFF_LEGS * self._legs.leg

@@ -53,7 +53,7 @@ class KeyPoseBuild(GaitBuild):
         config, robot = draw.config, draw.robot
         preset, joints = str(config.preset), PoseJoints(robot)
         own, sways = Timing(), None
-        if not robot.boxes and preset == PRESETS["default"].name:
+        if not robot.of_boxes and preset == PRESETS["default"].name:
             step_s = own.step if config.step_s is None else config.step_s
             shift = weight_shift(robot, most_sway(joints), step_s)
             own, sways = shift.timing, (shift.sway, shift.most)

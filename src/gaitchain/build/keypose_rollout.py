@@ -55,7 +55,7 @@ class _Servos:
         height = float(poses.parameters[0][STAND][1])
         self._balance = (
             None
-            if robot.boxes
+            if robot.of_boxes
             else make_balance(robot, height, CONTROL_PERIOD_S, stand)
         )
 

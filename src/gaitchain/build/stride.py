@@ -110,7 +110,7 @@ class StrideBuild(GaitBuild):
 
     def _shape(self, draw: Draw) -> Found:
         config, robot, crew = draw.config, draw.robot, draw.crew
-        boxes, name = robot.boxes, str(config.preset)
+        boxes, name = robot.of_boxes, str(config.preset)
         usual = BOX_SHAPE if boxes else MODEL_SHAPE
         start = replace(usual, **STRIDE_PRESETS[name].shape)
         own = 0 if boxes else GENERATIONS

@@ -47,7 +47,7 @@ def find_looks(library: GaitLibrary) -> tuple[Look, ...]:
         The visible shapes; none if the file is not here any more, or has changed in
         what walking needs, which the log says, or the robot is one of boxes.
     """
-    if library.robot.boxes:
+    if library.robot.of_boxes:
         return ()
     try:
         model, findings = _load(library)

@@ -85,7 +85,7 @@ class FallenRobot:
             CommandError: the robot has no file, or a joint, its actuator, the free
                 joint or the floor is missing.
         """
-        if library.robot.boxes:
+        if library.robot.of_boxes:
             raise CommandError(
                 f"{library.robot.name} cannot get up: it is described by two legs and "
                 "the trunk's mass, without arms or a shape to lie on; a robot that has "

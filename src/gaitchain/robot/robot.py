@@ -23,7 +23,8 @@ class Robot:
     reduced: ReducedBiped
     legs: LegModel
     boxes: bool
-    """True if `legs` follows from `reduced`, False if it was read from a file."""
+    """Whether `legs` follows from `reduced`, so that boxes are simulated, and was not
+    read from a file or identified; see `of_boxes`."""
     identified: Identified | None = None
     """How this one differs from its file, if that was identified; `legs` has it."""
     servo_gain: float = 1.0
@@ -41,6 +42,14 @@ class Robot:
     def in_file(self) -> "Robot":
         """The robot as it is in its file, with the servo gains of the file."""
         return self if self.of_file is None else self.of_file
+
+    @property
+    def of_boxes(self) -> bool:
+        """Whether it is a robot of boxes in its file, also where it was identified.
+
+        How it walks follows from that: its steps were trained for the file's robot.
+        """
+        return self.in_file.boxes
 
     @property
     def nominal(self) -> "Robot":

@@ -72,7 +72,7 @@ def looks_of(settings: Settings, library: GaitLibrary) -> tuple[Look, ...]:
         return find_looks(replace(library, config=given))
     here = {robot.name for robot in list_robots() if robot.available}
     known = own.profile is None and own.robot in here
-    if settings.replay is None or known or library.robot.boxes:
+    if settings.replay is None or known or library.robot.of_boxes:
         return find_looks(library)
     _LOG.warning(
         "drawn as its skeleton: the log names %r, and files that a log names are not "

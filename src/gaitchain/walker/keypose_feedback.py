@@ -144,6 +144,6 @@ def make_balance(
 
     Arguments are those of `ZmpBalance`.
     """
-    if robot.boxes:
+    if robot.of_boxes:
         return AnkleBalance(robot, hip_height, period_s)
     return ZmpBalance(robot, hip_height, period_s, stand)

@@ -63,7 +63,7 @@ def _within_limits(poses: KeyPoses, timing: Timing, layer: int, angles: Angles) 
     ]
     lowest = ankle.min(axis=-1) - robot.reduced.ankle_height
     # A robot that was read from a file has its foot down at kp_3 (`weight_shift`).
-    swings = layer == 1 and robot.boxes
+    swings = layer == 1 and robot.of_boxes
     needed = _CLEARANCE * robot.reduced.leg_length if swings else -_SCRAPE
     inside = (found >= lower) & (found <= upper)  # false for NaN
     slow = speeds <= _SPEED_HEADROOM * robot.legs.speed_limit
