@@ -584,6 +584,7 @@ def test_a_keyframe_tells_the_arms():
     [
         (Toy(legs=0, arms=False), "no legs"),
         (Toy(legs=1, arms=False), "no mirror image: an arm or a single leg"),
+        (Toy(legs=1), "no mirror image: an arm or a single leg"),
         (Toy(legs=4), "4 limbs reach the ground"),
         (Toy(legs=6), "6 limbs reach the ground"),
         (Toy(foot="wheel"), "rolls on wheels"),
@@ -616,6 +617,16 @@ def test_what_keeps_two_legs_from_being_alike_is_said(tmp_path, old, new, words)
     text = text if lighter else text.replace(old, new, 1)
     with pytest.raises(
         RobotFileError, match=f"no mirror image: that which .*({words})"
+    ):
+        load_with_findings(write(tmp_path, text, "toy.urdf"))
+
+
+@pytest.mark.parametrize("short", ["left", "right"])
+def test_legs_of_which_one_lacks_a_joint_are_told_both_numbers(tmp_path, short):
+    joint = f'name="{short}_tilt" type='
+    text = toy_urdf().replace(f'{joint}"revolute"', f'{joint}"fixed"')
+    with pytest.raises(
+        RobotFileError, match=r"that which ends in \w+ has (5 joints, not 6|6.* not 5);"
     ):
         load_with_findings(write(tmp_path, text, "toy.urdf"))
 

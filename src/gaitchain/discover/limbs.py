@@ -319,15 +319,24 @@ def _unpaired(robot: PinnedRobot, limbs: list[Limb], ground: float) -> UnfitErro
 
 def _nearest(robot: PinnedRobot, limbs: list[Limb]) -> str:
     """Say why the limb that is most like the first one is no mirror image of it."""
-    first = limbs[0]
     for other in limbs[1:]:
-        shared = shared_links(first, other)
-        own = [own_joints(robot, limb, shared) for limb in (first, other)]
-        slides = any(robot.model.jnt_type[j] != HINGE for j in own[0] + own[1])
-        why = "has a slide" if slides else _difference(robot, first, other)
-        if len(own[0]) == len(own[1]) and why:
+        if why := _unlike(robot, limbs[0], other):
             return f": that which ends in {_end(robot, other)} {why}"
     return ": an arm or a single leg"
+
+
+def _unlike(robot: PinnedRobot, one: Limb, other: Limb) -> str:
+    """Say why a limb is no mirror image of one; empty if it is no leg at all."""
+    shared = shared_links(one, other)
+    own = [own_joints(robot, limb, shared) for limb in (one, other)]
+    fewest, most = sorted(map(len, own))
+    if fewest < most:
+        low = one.depth + _SAME_DEPTH * _length(robot, one, shared)
+        leg = fewest >= _LIMB_JOINTS and other.depth < low
+        return f"has {len(own[1])} joints, not {len(own[0])}" if leg else ""
+    if any(robot.model.jnt_type[j] != HINGE for j in own[0] + own[1]):
+        return "has a slide"
+    return _difference(robot, one, other)
 
 
 def _end(robot: PinnedRobot, limb: Limb) -> str:
