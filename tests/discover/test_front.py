@@ -132,3 +132,39 @@ def test_a_front_that_is_not_found_may_be_a_robot_that_lies():
     model, _ = built(alike)
     with pytest.raises(RobotFileError, match=r"in a profile, or up if z is not up$"):
         find(model, "toy")
+
+
+@pytest.mark.parametrize("turn", [0.0, -0.7])
+@pytest.mark.parametrize(("aside", "up"), [(30, 0), (-40, 0), (0, 35), (150, 0)])
+def test_a_front_in_the_profile_may_be_off_by_some(turn, aside, up):
+    model, _ = built(Toy(turn=turn))
+    given = turned(find(model, "toy").forward, aside, 0)
+    found = find(model, "toy", Profile(forward=tuple(turned(given, 0, up))))
+    np.testing.assert_allclose(found.forward, given, atol=1e-9)
+
+
+@pytest.mark.parametrize("turn", [0.0, -0.7])
+@pytest.mark.parametrize(
+    ("aside", "up"), [(60, 0), (89.4, 0), (90, 0), (-90, 0), (0, 60), (0, 90), (0, -90)]
+)
+def test_a_front_across_the_legs_or_up_is_refused(turn, aside, up, recwarn):
+    model, _ = built(Toy(turn=turn))
+    forward = find(model, "toy").forward
+    given = turned(forward, aside, up)
+    with pytest.raises(RobotFileError) as caught:
+        find(model, "toy", Profile(forward=tuple(given)))
+    said = re.findall(r"forward = \[(.*?)\]", str(caught.value))
+    for text, wanted in zip(said, (given, forward), strict=True):
+        np.testing.assert_allclose(np.fromstring(text, sep=","), wanted, atol=6e-3)
+    off = max(abs(aside), abs(up))
+    assert f"is {off:.0f} deg off" in str(caught.value)
+    assert str(caught.value).endswith("in a profile, or up if z is not up")
+    assert not recwarn.list
+
+
+def turned(forward, aside, up):
+    """A level way, turned to the left and then raised [deg]."""
+    aside, up = np.radians([aside, up])
+    x, y, _ = forward
+    level = np.cos(aside) * np.array([x, y, 0]) + np.sin(aside) * np.array([-y, x, 0])
+    return np.cos(up) * level + np.sin(up) * np.array([0, 0, 1])

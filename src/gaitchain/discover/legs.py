@@ -22,6 +22,7 @@ _TOE_BAND = 0.015  # of the leg: toes and foot whose lowest points differ less a
 _ONE_SIDED = 2.0  # a knee's range to one side against the other
 _UNDECIDED = 0.3  # votes for ahead against back
 _SILENT = 0.2  # votes of forefeet and knees that say nothing
+_FRONT = 0.7  # cosine between a profile's front and ahead or back, at least
 _APART = 1e-3  # m: legs less far apart are in one plane
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")  # of snake_case and CamelCase
 _SIDES = ((1.0, ("l", "left")), (-1.0, ("r", "right")))
@@ -283,10 +284,9 @@ def face_forward(
     ahead = np.cross(across(robot, [leg.joints for leg in legs]), -DOWN)
     turn = robot.turn(robot.base)  # ahead is forward if the first leg is the left one
     if answers.forward is not None:
-        given = turn @ np.array(answers.forward)
+        given = _given_front(turn, ahead, answers.forward)
         vote, why = float(np.sign(given @ ahead)), "the profile says so"
-        ahead = vote * (given - given @ DOWN * DOWN)
-        ahead /= np.linalg.norm(ahead)
+        ahead = vote * given
     elif answers.legs or answers.foot:
         vote, why = 1.0, "the profile names left and right"
     else:
@@ -301,9 +301,37 @@ def face_forward(
     if forward @ nearest > 0.9994 and answers.forward is None:  # 2 deg
         forward = nearest
     faced = PinnedRobot(robot.model, robot.base, robot.up, forward)
-    shown = ", ".join(f"{v:+.2f}" for v in faced.forward)
-    rows.append(("forward", f"[{shown}] in the base's frame", why))
+    rows.append(("forward", f"{_shown(faced.forward)} in the base's frame", why))
     return faced, legs
+
+
+def _given_front(turn: Array, ahead: Array, forward: Sequence[float]) -> Array:
+    """Return the level part of a profile's front.
+
+    Args:
+        turn: (3, 3) from the base's frame to the level one.
+        ahead: (3,) level unit vector square to the line between the legs, either way.
+        forward: (3,) unit vector, in the base's frame.
+
+    Raises:
+        UnfitError: it is nearer to that line or the vertical than to ahead or back.
+    """
+    given = turn @ np.array(forward)
+    cosine = abs(float(given @ ahead))
+    if cosine < _FRONT:
+        off, most = np.degrees(np.arccos([cosine, _FRONT]))
+        raise UnfitError(
+            f"forward = {_shown(forward)} is {off:.0f} deg off the level way square to "
+            f"the line between the legs; at most {most:.0f} deg",
+            f"forward = {_shown(turn.T @ ahead)}, or its opposite,",
+            "up if z is not up",
+        )
+    level = given - given @ DOWN * DOWN
+    return np.asarray(level / np.linalg.norm(level))
+
+
+def _shown(vector: Sequence[float] | Array) -> str:
+    return f"[{', '.join(f'{v:+.2f}' for v in vector)}]"
 
 
 def _front(
