@@ -108,6 +108,23 @@ def test_actuators_pull_at_the_joints_between_their_ends(tendons, actuator, turn
     assert found == turned
 
 
+STRAY = '<fixed name="cord"><joint joint="stray" coef="2"/>{}</fixed>'
+KEPT = '<equality><tendon tendon1="cord"/></equality>'
+ALSO = '<joint joint="left_knee" coef="1"/>'
+
+
+@pytest.mark.parametrize(
+    ("more", "servo", "equality"),
+    [("", SERVO.format(""), ""), (ALSO, "", KEPT), (ALSO, SERVO.format(""), "")],
+)
+def test_a_tendon_over_a_joint_that_is_none_is_told(tmp_path, more, servo, equality):
+    end = f"</actuator><tendon>{STRAY.format(more)}</tendon>{equality}"
+    file = tmp_path / "stray.xml"
+    file.write_text(toy().replace("</actuator>", servo + end), "utf-8")
+    with pytest.raises(RobotFileError, match=r"MuJoCo refuses it: .*joint 'stray'"):
+        load_model(file)
+
+
 def test_servos_on_tendons_are_those_of_the_legs(tmp_path):
     names = [f"{side}_{joint}" for side, _ in SIDES for joint in JOINTS]
     text, cords = toy(), ""

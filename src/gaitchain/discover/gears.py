@@ -14,10 +14,10 @@ import numpy as np
 
 from gaitchain.backends.actuators import BY_JOINT
 from gaitchain.discover.notes import Doubt
+from gaitchain.discover.tendons import is_over_joint
 
 _EQ = mujoco.mjtEq
 _HINGE = mujoco.mjtJoint.mjJNT_HINGE
-_JOINT = mujoco.mjtWrap.mjWRAP_JOINT
 
 
 class _Gear(NamedTuple):
@@ -65,7 +65,7 @@ def _write_as_joints(spec: Any) -> None:
     for tie in [e for e in spec.equalities if e.type == _EQ.mjEQ_TENDON]:
         own = [tendons[name] for name in (tie.name1, tie.name2) if name in tendons]
         parts = [part for tendon in own for part in tendon.path]
-        if len(parts) != 2 or any(p.type != _JOINT or not p.coef for p in parts):
+        if len(parts) != 2 or not all(map(is_over_joint, parts)):
             continue
         one, other = (float(part.coef) for part in parts)
         curve = np.array(tie.data[:5])

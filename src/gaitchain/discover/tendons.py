@@ -93,7 +93,17 @@ def _is_over(model: Any, tendon: int, joint: int) -> bool:
 
 def _turns_one(tendon: Any) -> bool:
     parts = tendon.path
-    return len(parts) == 1 and parts[0].type == _WRAP.mjWRAP_JOINT and parts[0].coef
+    return len(parts) == 1 and is_over_joint(parts[0])
+
+
+def is_over_joint(part: Any) -> bool:
+    """Return whether a part of a tendon's path is a joint, and one of the file.
+
+    Args:
+        part: a `mujoco.MjsWrap`.
+    """
+    known = part.type == _WRAP.mjWRAP_JOINT and part.target is not None
+    return bool(known and part.coef)
 
 
 def _called(actuator: Any) -> str:
