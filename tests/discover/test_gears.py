@@ -9,6 +9,7 @@ from gaitchain.discover.find import find
 from gaitchain.discover.gears import fold_gears
 from gaitchain.discover.load import load_model
 from gaitchain.discover.notes import Doubt
+from gaitchain.discover.ranges import joint_range
 
 TIE = '<joint joint1="{0}" joint2="{1}" polycoef="{2} {3} {4} 0 0" solref="0.004 1"/>'
 GEARED = """
@@ -76,12 +77,100 @@ def test_the_motors_limits_become_the_joints():
     spec = geared(TIE.format("yaw", "motor", 0.1, -0.5, 0))
     motor = spec.joint("motor")
     motor.range, motor.actfrcrange = [-1.0, 2.0], [-0.2, 0.3]
+    spec.joint("yaw").range, spec.joint("yaw").actfrcrange = [-2.0, 0.5], [-0.5, 9.0]
     fold_gears(spec)
     model = spec.compile()
     yaw = model.joint("yaw")
-    np.testing.assert_allclose(yaw.range, [-0.9, 0.6])
-    np.testing.assert_allclose(model.jnt_actfrcrange[yaw.id], [-0.6, 0.4])
+    np.testing.assert_allclose(yaw.range, [-0.9, 0.5])
+    np.testing.assert_allclose(model.jnt_actfrcrange[yaw.id], [-0.5, 0.4])
     assert model.jnt_limited[yaw.id]
+
+
+def ends_of(spec):
+    """Where MuJoCo lets the joint go, its motor told to go as far as it can."""
+    model = spec.compile()
+    model.jnt_solref[:] = 0.004, 1.0
+    angles = []
+    for control in (-99.0, 99.0):
+        data = mujoco.MjData(model)
+        data.ctrl[0] = control
+        for _ in range(4000):
+            mujoco.mj_step(model, data)
+        angles.append(float(data.joint("yaw").qpos[0]))
+    return sorted(angles)
+
+
+def limit_the_yaw(spec):
+    spec.joint("yaw").range = [-0.3, 0.2]
+
+
+def free_the_motor(spec):
+    spec.joint("motor").limited = False
+
+
+def free_the_yaw(spec):
+    spec.joint("yaw").range, spec.joint("yaw").limited = [-0.1, 0.1], False
+
+
+def tell_less(spec):
+    spec.actuators[0].ctrlrange = [-0.4, 0.3]
+
+
+def inherit(spec):
+    spec.actuators[0].inheritrange = 0.8
+
+
+def gear_up(spec):
+    spec.actuators[0].gear, spec.actuators[0].ctrlrange = [2, *[0] * 5], [-0.4, 0.9]
+
+
+def turn_shares(spec):
+    servo = spec.actuators[0]
+    servo.gainprm[0], servo.biasprm[0], servo.ctrlrange = 4.0, 0.2, [-0.2, 0.3]
+
+
+@pytest.mark.parametrize("ratio", [-0.5, 2.0])
+@pytest.mark.parametrize("offset", [0.0, 0.2])
+@pytest.mark.parametrize(
+    "change",
+    [
+        None,
+        limit_the_yaw,
+        free_the_motor,
+        free_the_yaw,
+        tell_less,
+        inherit,
+        gear_up,
+        turn_shares,
+    ],
+)
+def test_a_folded_joint_goes_as_far_as_its_motor_turns_it(ratio, offset, change):
+    """Against MuJoCo, which moves the gear as the file has it."""
+    specs = [geared(TIE.format("yaw", "motor", offset, ratio, 0)) for _ in range(2)]
+    for spec in specs:
+        motor, yaw = spec.joint("motor"), spec.joint("yaw")
+        motor.range, motor.ref, yaw.ref = [-0.9, 0.6], -0.3 * offset, 0.5 * offset
+        spec.actuators[0].ctrlrange = [0, 0] if change is inherit else [-1.3, 1.3]
+        if change:
+            change(spec)
+    fold_gears(specs[1])
+    model = specs[1].compile()
+    found, ends = joint_range(model, model.joint("yaw").id), ends_of(specs[0])
+    np.testing.assert_allclose(found, ends, atol=0.02)
+
+
+@pytest.mark.parametrize("change", [None, gear_up, turn_shares, inherit])
+def test_a_control_means_the_same_where_joints_have_offsets(change):
+    specs = [geared(TIE.format("yaw", "motor", 0.2, -0.5, 0)) for _ in range(2)]
+    for spec in specs:
+        motor, yaw = spec.joint("motor"), spec.joint("yaw")
+        motor.ref, yaw.ref, motor.range = 0.4, 0.3, [-1.5, 1.5]
+        if change:
+            change(spec)
+    fold_gears(specs[1])
+    ends = [turned(spec, control)[-1] for spec in specs for control in (0.25, -0.2)]
+    assert abs(ends[0] - ends[1]) > 0.05
+    assert ends[2:] == pytest.approx(ends[:2], abs=5e-3)
 
 
 def test_angles_count_from_where_the_joints_are_drawn():

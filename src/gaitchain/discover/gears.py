@@ -14,9 +14,12 @@ import numpy as np
 
 from gaitchain.backends.actuators import BY_JOINT
 from gaitchain.discover.notes import Doubt
+from gaitchain.discover.ranges import inherit_range, is_limited
 from gaitchain.discover.tendons import is_over_joint
+from gaitchain.messages import Array
 
 _EQ = mujoco.mjtEq
+_AFFINE = mujoco.mjtBias.mjBIAS_AFFINE
 _HINGE = mujoco.mjtJoint.mjJNT_HINGE
 
 
@@ -132,18 +135,44 @@ def driven_by(spec: Any, joint: Any) -> list[Any]:
 def _fold(spec: Any, gear: _Gear) -> None:
     motor, turned, ratio = gear.motor, gear.turned, gear.ratio
     for actuator in driven_by(spec, motor):
-        actuator.target = turned.name
-        actuator.gear = np.asarray(actuator.gear) / ratio
+        _move(actuator, gear)
     turned.armature += motor.armature / ratio**2
     turned.damping = np.asarray(turned.damping) + np.asarray(motor.damping) / ratio**2
     turned.frictionloss += motor.frictionloss / abs(ratio)
-    if any(motor.actfrcrange) and not any(turned.actfrcrange):
-        turned.actfrcrange = np.sort(np.asarray(motor.actfrcrange) / ratio)
-    if any(motor.range) and not any(turned.range):
-        turned.range = np.sort(gear.shift + ratio * np.asarray(motor.range))
+    if is_limited(motor.actfrclimited, motor.actfrcrange):
+        ends = np.asarray(motor.actfrcrange) / ratio
+        _narrow(turned, "actfrcrange", "actfrclimited", ends)
+    if is_limited(motor.limited, motor.range):
+        ends = gear.shift + ratio * np.asarray(motor.range)
+        _narrow(turned, "range", "limited", ends)
     motor.armature, motor.frictionloss = 0.0, 0.0
     motor.damping = np.zeros_like(np.asarray(motor.damping))
     gear.equality.name1, gear.equality.name2 = motor.name, turned.name
     data = np.array(gear.equality.data)
     data[:2] = -gear.offset / ratio, 1.0 / ratio
     gear.equality.data = data
+
+
+def _move(actuator: Any, gear: _Gear) -> None:
+    """Put an actuator of the motor on what it turns; its controls stay what they are.
+
+    Where the motor is at 0 the joint is at the shift, by which the actuator's length
+    grows: what it held at a length, it holds at that much more.
+    """
+    inherit_range(actuator, gear.motor.range)
+    actuator.target = gear.turned.name
+    actuator.gear = np.asarray(actuator.gear) / gear.ratio
+    if actuator.biastype == _AFFINE:
+        longer = actuator.gear[0] * gear.shift
+        actuator.biasprm[0] -= actuator.biasprm[1] * longer
+
+
+def _narrow(joint: Any, span: str, limited: str, ends: Array) -> None:
+    """Limit a joint to a span within its own, unless that would leave nothing."""
+    low, high = float(ends.min()), float(ends.max())
+    if is_limited(getattr(joint, limited), getattr(joint, span)):
+        least, most = getattr(joint, span)
+        low, high = max(low, least), min(high, most)
+    if low < high:
+        setattr(joint, span, [low, high])
+        setattr(joint, limited, mujoco.mjtLimited.mjLIMITED_TRUE)

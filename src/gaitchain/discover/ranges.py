@@ -10,6 +10,8 @@ from gaitchain.backends.actuators import BY_JOINT
 
 _AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
 _PID = int(mujoco.mjtGain.mjGAIN_PID)
+_INTEGRATOR = mujoco.mjtDyn.mjDYN_INTEGRATOR
+_LIMITED = mujoco.mjtLimited
 _SAME = 0.01  # rad: ends less far apart, as 3.14 and pi, are the same
 
 
@@ -60,3 +62,27 @@ def _set_points(model: Any, joint: int) -> Iterator[tuple[float, float]]:
         gain = -slope if pid else model.actuator_gainprm[a, 0]
         ends = (gain * model.actuator_ctrlrange[a] + constant) / (-slope * gear)
         yield float(ends.min()), float(ends.max())
+
+
+def is_limited(limited: Any, span: Any) -> bool:
+    """Return whether a span of a `mujoco.MjSpec` limits, (2,), with its flag."""
+    auto = limited == _LIMITED.mjLIMITED_AUTO and span[0] < span[1]
+    return bool(limited == _LIMITED.mjLIMITED_TRUE or auto)
+
+
+def inherit_range(actuator: Any, span: Any) -> None:
+    """Give an actuator of a `mujoco.MjSpec` the range that it inherits, if it does.
+
+    Args:
+        actuator: changed in place; on what it is put next it has the same range.
+        span: (2,) range of what it is on.
+    """
+    if not actuator.inheritrange:
+        return
+    middle, half = np.mean(span), 0.5 * np.ptp(span)
+    ends = middle + actuator.inheritrange * half * np.array([-1, 1])
+    if actuator.dyntype == _INTEGRATOR:
+        actuator.actrange = ends
+    else:
+        actuator.ctrlrange = ends
+    actuator.inheritrange = 0.0

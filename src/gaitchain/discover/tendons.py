@@ -13,6 +13,7 @@ import numpy as np
 
 from gaitchain.backends.actuators import BY_JOINT
 from gaitchain.discover.notes import listed
+from gaitchain.discover.ranges import inherit_range, is_limited
 from gaitchain.sim.bodies import subtree
 
 _TRN, _WRAP, _LIMITED = mujoco.mjtTrn, mujoco.mjtWrap, mujoco.mjtLimited
@@ -113,12 +114,9 @@ def _called(actuator: Any) -> str:
 
 def _fold(actuator: Any, tendon: Any) -> None:
     (part,) = tendon.path
-    if actuator.inheritrange:
-        middle, half = np.mean(tendon.range), 0.5 * np.ptp(tendon.range)
-        actuator.ctrlrange = middle + actuator.inheritrange * half * np.array([-1, 1])
-        actuator.inheritrange = 0.0
-    if _is_limited(tendon.actfrclimited, tendon.actfrcrange):
-        own = _is_limited(actuator.forcelimited, actuator.forcerange)
+    inherit_range(actuator, tendon.range)
+    if is_limited(tendon.actfrclimited, tendon.actfrcrange):
+        own = is_limited(actuator.forcelimited, actuator.forcerange)
         low, high = actuator.forcerange if own else (-np.inf, np.inf)
         least, most = tendon.actfrcrange
         actuator.forcerange = [max(low, least), min(high, most)]
@@ -126,11 +124,6 @@ def _fold(actuator: Any, tendon: Any) -> None:
     actuator.trntype = _TRN.mjTRN_JOINT
     actuator.target = part.target.name
     actuator.gear = np.asarray(actuator.gear) * part.coef
-
-
-def _is_limited(limited: Any, span: Any) -> bool:
-    auto = limited == _LIMITED.mjLIMITED_AUTO and bool(np.any(span))
-    return bool(limited == _LIMITED.mjLIMITED_TRUE or auto)
 
 
 def _turned_by(spec: Any, actuator: Any) -> set[str]:
