@@ -255,6 +255,33 @@ BIPED = "".join(
 )
 
 
+BESIDE = '<body pos="3 0 1">{}<geom type="sphere" size="0.1" mass="5"/></body>'
+
+
+@pytest.mark.parametrize("name", ['name="torso"', ""])
+@pytest.mark.parametrize("held", ["<freejoint/>", ""], ids=["free", "fixed"])
+@pytest.mark.parametrize("fuse", ["true", "false"])
+def test_a_total_mass_is_that_of_all_trees(tmp_path, held, fuse, name):
+    top = f'<compiler settotalmass="60" fusestatic="{fuse}"/>'
+    text = mjcf(top=top, world=BESIDE.format(held) + WORLD)
+    whole = mujoco.MjModel.from_xml_string(text)
+    loaded = load_model(write(tmp_path, text.replace('name="torso"', name)))
+    mass = whole.body("torso").subtreemass[0]
+    assert loaded.model.body_mass.sum() == pytest.approx(mass)
+    alone = load_model(write(tmp_path, mjcf(top=top)))
+    assert alone.model.body_mass.sum() == pytest.approx(60.0)
+
+
+def test_a_total_mass_of_what_cannot_be_weighed_is_refused(tmp_path):
+    mesh = '<asset><mesh name="rock" file="rock.stl"/></asset>'
+    rock = '<body name="rock"><geom type="mesh" mesh="rock"/></body>'
+    text = mjcf(top=f'<compiler settotalmass="60"/>{mesh}', world=rock)
+    with pytest.raises(
+        RobotFileError, match=r'settotalmass="60" counts 1 tree \(rock\), too, .*rock'
+    ):
+        load_model(write(tmp_path, text))
+
+
 @pytest.mark.parametrize("kind", ['type="ball"', 'type="hinge"'])
 def test_a_free_robot_goes_before_what_has_more_joints(tmp_path, kind):
     world = ROPE.replace("{}", kind)

@@ -23,7 +23,8 @@ def keep_one_tree(spec: Any) -> tuple[Any, list[str]]:
         The robot's root, and a note of what was left out, if anything.
 
     Raises:
-        RobotFileError: nothing has joints, too much has, or the robot is in parts.
+        RobotFileError: nothing has joints, too much has, the robot is in parts, or
+            the file sets the mass of all trees, which cannot be weighed.
     """
     trees = sorted(spec.worldbody.bodies, key=_rank, reverse=True)
     if not trees or not any(_jointed(tree) for tree in trees):
@@ -32,6 +33,7 @@ def keep_one_tree(spec: Any) -> tuple[Any, list[str]]:
         raise RobotFileError(f"{moving} moving bodies; at most {_MAX_MOVING}")
     _refuse_fused(trees)
     others = [tree.name or "(unnamed)" for tree in trees[1:]]
+    _share_mass(spec, trees[0], others)
     for tree in trees[1:]:
         spec.delete(tree)
     if not others:
@@ -39,6 +41,28 @@ def keep_one_tree(spec: Any) -> tuple[Any, list[str]]:
     kept = trees[0].name or "(unnamed)"
     left_out = f"{listed('tree', others)} left out: {kept!r} is the robot."
     return trees[0], [Doubt(left_out)]
+
+
+def _share_mass(spec: Any, kept: Any, others: list[str]) -> None:
+    """Let a total mass that a file sets be what one tree weighs in it.
+
+    Raises:
+        RobotFileError: its trees cannot be weighed together.
+    """
+    total = spec.compiler.settotalmass
+    if total <= 0.0 or not others:
+        return
+    whole = spec.copy()
+    tree = whole.worldbody.bodies[list(spec.worldbody.bodies).index(kept)]
+    try:
+        model = whole.compile()
+    except ValueError as error:
+        why = " ".join(str(error).removeprefix("Error: ").split())
+        raise RobotFileError(
+            f'settotalmass="{total:g}" counts {listed("tree", others)}, too, and they '
+            f"cannot be weighed: {why}; give the robot alone, with its own total"
+        ) from None
+    spec.compiler.settotalmass = float(model.body_subtreemass[tree.id])
 
 
 def _rank(tree: Any) -> tuple[bool, int, int, int]:
