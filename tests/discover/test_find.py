@@ -894,6 +894,44 @@ def test_a_profile_overrides_servos_and_angles():
     assert found.stand[arm] == 0.4
 
 
+def test_angles_of_joints_that_walk_are_refused():
+    model, _ = built(Toy())
+    for joint in find(model, "toy").left.joints:
+        told = {"stand": {"angles": {joint: 0.1}}}
+        with pytest.raises(RobotFileError) as caught:
+            find(model, "toy", parse_profile(told, "p.toml"))
+        assert str(caught.value) == (
+            f"p.toml: stand.angles.{joint} = 0.1: the joint walks, and stands as it "
+            "has to; give angles of joints outside the legs: stand.hip_height bends "
+            "the legs"
+        )
+
+
+def test_a_held_joint_of_a_leg_may_be_given_an_angle(tmp_path):
+    path = write(tmp_path, without_actuators("left_yaw", "right_yaw"))
+    told = {"stand": {"angles": {"left_yaw": 0.05, "right_yaw": -0.05}}}
+    found = find(load_model(path).model, "toy", parse_profile(told, "p.toml"))
+    assert [found.stand[f"{s}_yaw"] for s in ("left", "right")] == [0.05, -0.05]
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_angles_beyond_a_range_are_refused_with_both_ends(sign):
+    model, builder = built(Toy())
+    arm = builder.made["arm1.00"][0]
+    low, high = model.joint(arm).range
+    end = low if sign < 0 else high
+    for angle, fits in ((end - 0.01 * sign, True), (end + 0.01 * sign, False)):
+        told = parse_profile({"stand": {"angles": {arm: angle}}}, "p.toml")
+        if fits:
+            assert find(model, "toy", told).stand[arm] == angle
+            continue
+        ends = rf"it can be sent from {low:g} to {high:g} rad"
+        with pytest.raises(
+            RobotFileError, match=rf"^p\.toml: stand\..* {angle}: {ends}"
+        ):
+            find(model, "toy", told)
+
+
 def test_res_as_its_numbers_say(res):
     model = build_model(res)
     found = find(model, "res")

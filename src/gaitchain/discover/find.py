@@ -3,7 +3,7 @@
 What geometry cannot settle, a profile does; the front, names of left and right, too.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -43,7 +43,7 @@ from gaitchain.discover.limbs import (
     shared_links,
 )
 from gaitchain.discover.notes import listed
-from gaitchain.discover.pinned_robot import PinnedRobot
+from gaitchain.discover.pinned_robot import SLIDE, PinnedRobot
 from gaitchain.discover.profile import Profile
 from gaitchain.discover.ranges import is_narrowed, joint_range, own_range
 from gaitchain.discover.repair import BALLAST_KG
@@ -234,7 +234,8 @@ def _assemble(
     shared = pair[0].links[: shared_links(*pair)]
     waist = {j for j in pair[0].joints if model.jnt_bodyid[j] in shared}
     joints = {robot.joint_name(j): j for j in robot.joints}
-    rest, source = robot.rest(waist, _given_angles(answers, joints))
+    driven = [j for plan in plans for j in plan.joints]
+    rest, source = robot.rest(waist, _given_angles(robot, driven, answers))
     pose, height = stand(robot, plans, rest, answers.hip_height)
     left, right = (plan.found for plan in plans)
     rows.extend(_leg_rows(robot, plans) + _turning_rows(robot, plans))
@@ -243,7 +244,6 @@ def _assemble(
     share = (height - plans[0].below) / plans[0].straight
     rows.append(("stand", f"hips at {height:.3f} m, {share:.2f} of the leg", source))
     sole = robot.point(plans[0].foot, left.sole.origin)
-    driven = [j for plan in plans for j in plan.joints]
     passive = [joints[n] for leg in (left, right) for n in leg.passive]
     servos, evidence = read_servos(
         robot, driven, passive, float(sole[2]), answers, speeds
@@ -263,12 +263,31 @@ def _assemble(
     )
 
 
-def _given_angles(answers: Profile, joints: Mapping[str, int]) -> dict[int, float]:
-    """Return the angles of the standing pose that a profile gives, by joint [rad]."""
-    return {
-        joints[answers.require(n, joints, "stand.angles")]: angle
-        for n, angle in answers.angles.items()
-    }
+def _given_angles(
+    robot: PinnedRobot, driven: Sequence[int], answers: Profile
+) -> dict[int, float]:
+    """Return the angles of the standing pose that a profile gives, by joint [rad].
+
+    Raises:
+        RobotFileError: a joint is none, is driven in a leg, or does not go there.
+    """
+    joints, angles = {robot.joint_name(j): j for j in robot.joints}, {}
+    for name, angle in answers.angles.items():
+        joint = joints[answers.require(name, joints, "stand.angles")]
+        low, high = robot.bounds(joint)
+        told = f"{answers.origin}: stand.angles.{name} = {angle:.9g}"
+        if joint in driven:
+            raise RobotFileError(
+                f"{told}: the joint walks, and stands as it has to; give angles of "
+                "joints outside the legs: stand.hip_height bends the legs"
+            )
+        if not low <= angle <= high:
+            unit = "m" if robot.model.jnt_type[joint] == SLIDE else "rad"
+            raise RobotFileError(
+                f"{told}: it can be sent from {low:.9g} to {high:.9g} {unit}"
+            )
+        angles[joint] = angle
+    return angles
 
 
 def _leg_rows(robot: PinnedRobot, plans: tuple[LegPlan, LegPlan]) -> Rows:

@@ -85,7 +85,8 @@ def stand(
         f"{1e3 * best.off:.2g} mm off its height (allowed: "
         f"{np.degrees(_TILT_MOST):.2g} deg, {1e3 * _OFF_MOST * straight:.2g} mm)"
         f"{_at_ends(robot, legs, best.pose)}; {_better_height(best, tries)}",
-        "stand.hip_height, stand.angles or legs.left and legs.right",
+        "stand.hip_height, stand.angles of joints outside the legs, or legs.left and "
+        "legs.right",
     )
 
 
