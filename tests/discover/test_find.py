@@ -932,6 +932,24 @@ def test_angles_beyond_a_range_are_refused_with_both_ends(sign):
             find(model, "toy", told)
 
 
+def test_the_row_of_the_stand_says_what_comes_from_where():
+    model, builder = built(Toy(waist=True))
+    arm = builder.made["arm1.00"][0]
+
+    def why(**told):
+        found = find(model, "toy", parse_profile({"stand": told}, "p.toml"))
+        return next(row[2] for row in found.evidence if row[0] == "stand")
+
+    legs = "legs: both soles level under the CoM"
+    rest = "others: nearest to the file's, within range, the waist straight"
+    assert why() == f"{legs}; {rest}"
+    assert why(hip_height=0.5) == f"{legs}, at the profile's height; {rest}"
+    assert why(angles={arm: 0.1}) == f"{legs}; {rest}, 1 by the profile"
+    builder.spec.add_key(name="ready", qpos=model.qpos0)
+    model = builder.spec.compile()
+    assert why() == f"{legs}; others: keyframe ready, the waist straight"
+
+
 def test_res_as_its_numbers_say(res):
     model = build_model(res)
     found = find(model, "res")

@@ -241,8 +241,7 @@ def _assemble(
     rows.extend(_leg_rows(robot, plans) + _turning_rows(robot, plans))
     rows.extend(_contact_rows(robot, plans))
     rows.extend(_range_rows(robot, plans))
-    share = (height - plans[0].below) / plans[0].straight
-    rows.append(("stand", f"hips at {height:.3f} m, {share:.2f} of the leg", source))
+    rows.append(_stand_row(plans[0], height, answers.hip_height is not None, source))
     sole = robot.point(plans[0].foot, left.sole.origin)
     passive = [joints[n] for leg in (left, right) for n in leg.passive]
     servos, evidence = read_servos(
@@ -261,6 +260,21 @@ def _assemble(
         servos=servos,
         evidence=tuple(rows + evidence),
     )
+
+
+def _stand_row(leg: LegPlan, height: float, told: bool, source: str) -> Row:
+    """Say how a robot stands, and what of that comes from where.
+
+    Args:
+        leg: one of both.
+        height: of the hips above the soles [m].
+        told: whether that is the profile's.
+        source: of all other joints' angles.
+    """
+    share = (height - leg.below) / leg.straight
+    at = ", at the profile's height" if told else ""
+    why = f"legs: both soles level under the CoM{at}; others: {source}"
+    return "stand", f"hips at {height:.3f} m, {share:.2f} of the leg", why
 
 
 def _given_angles(

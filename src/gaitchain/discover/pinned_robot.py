@@ -140,7 +140,7 @@ class PinnedRobot:
 
         Returns:
             (nq,) angles of the first upright keyframe, else those nearest to the drawn
-            ones within range.
+            ones within range; and in words what is from where.
         """
         qpos, source = np.array(self.neutral), "nearest to the file's, within range"
         free = self.address(self.model.body_jntadr[self.base])
@@ -157,7 +157,9 @@ class PinnedRobot:
             qpos[self.address(joint)] = self.neutral[self.address(joint)]
         for joint, angle in angles.items():
             qpos[self.address(joint)] = angle
-        return qpos, source
+        straight = ", the waist straight" if waist else ""
+        told = f", {len(angles)} by the profile" if angles else ""
+        return qpos, f"{source}{straight}{told}"
 
     def _clipped(self, qpos: Array) -> Array:
         clipped = np.array(qpos)
