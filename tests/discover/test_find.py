@@ -696,6 +696,40 @@ def test_a_profile_names_legs_by_joints_or_feet():
         find(model, "toy", parse_profile(wrong, "p.toml"))
 
 
+@pytest.mark.parametrize("stray", ["arm1.00", "waist", (1, "hip_yaw"), None])
+def test_joints_that_a_profile_gives_a_leg_are_on_it(stray):
+    model, builder = built(Toy(waist=True))
+    found = find(model, "toy")
+    left, right = (list(leg.joints) for leg in found.legs)
+    name = builder.made[stray][0] if stray else left[-1]
+    last = left[-1] if stray else left[0]
+    named = [name, *left[1:]] if stray else left[::-1]
+    told = parse_profile({"legs": {"left": named, "right": right}}, "p.toml")
+    with pytest.raises(RobotFileError) as caught:
+        find(model, "toy", told)
+    assert str(caught.value) == (
+        f"p.toml: legs.left: {name} is not between {found.pelvis} and {last}; list "
+        "the joints of that leg, hip to ankle"
+    )
+
+
+def test_a_foot_ends_the_leg_whose_joints_a_profile_names():
+    model, _ = built(Toy())
+    plain = find(model, "toy")
+    told = {
+        "legs": {"left": list(plain.left.joints), "right": list(plain.right.joints)},
+        "foot": {"left": plain.left.sole.body, "right": plain.right.sole.body},
+    }
+    found = find(model, "toy", parse_profile(told, "p.toml"))
+    assert found.left.joints == plain.left.joints
+    knee = model.joint(plain.left.joints[plain.left.knee]).bodyid[0]
+    told["foot"]["left"] = model.body(knee).name
+    with pytest.raises(
+        RobotFileError, match=r"legs\.left: .* is not between inner and"
+    ):
+        find(model, "toy", parse_profile(told, "p.toml"))
+
+
 @pytest.mark.parametrize("inner", [False, True])
 def test_a_profile_whose_legs_are_one_is_refused(inner):
     model, _ = built(Toy())

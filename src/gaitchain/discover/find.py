@@ -97,6 +97,7 @@ def _find(
     refuse_loops(robot, pair)
     refuse_balls(robot, pair, balls)
     joints = [own_joints(robot, limb, shared) for limb in pair]
+    _refuse_strangers(robot, joints, answers)
     aside = across(robot, joints)
     legs = [
         leg_parts(robot, limb, own, answers.legs.get(side), aside)
@@ -144,6 +145,30 @@ def _named_pair(robot: PinnedRobot, answers: Profile) -> tuple[Limb, Limb] | Non
             "both feet in a profile"
         )
     return (limbs[0], limbs[1]) if limbs else None
+
+
+def _refuse_strangers(
+    robot: PinnedRobot, legs: Sequence[Sequence[int]], answers: Profile
+) -> None:
+    """Refuse joints that a profile gives a leg and that are not on it.
+
+    Args:
+        robot: the robot.
+        legs: ids of the joints of either leg, from hip to foot.
+        answers: of the profile.
+    """
+    model = robot.model
+    for side, own in zip(("left", "right"), legs, strict=True):
+        known = {robot.joint_name(joint) for joint in own}
+        for name in answers.legs.get(side, ()):
+            if name not in known:
+                top = model.body_parentid[model.jnt_bodyid[own[0]]]
+                last = answers.foot.get(side, answers.legs[side][-1])
+                raise RobotFileError(
+                    f"{answers.origin}: legs.{side}: {name} is not between "
+                    f"{model.body(top).name} and {last}; list the joints of that leg, "
+                    "hip to ankle"
+                )
 
 
 def _plan(robot: PinnedRobot, leg: LegParts, answers: Profile, rows: Rows) -> LegPlan:
