@@ -42,6 +42,8 @@ from gaitchain.messages import Command
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.sim.world import DISTURBANCES
 
+WAYS = Path(__file__).parents[1] / "support" / "op3.getup"
+
 
 @pytest.fixture(scope="module")
 def library_path(library, tmp_path_factory):
@@ -670,6 +672,14 @@ def test_no_output_takes_the_place_of_another_file(
             "p.toml: a robot's TOML file; name another file for the library",
         ),
         (
+            ("trial", "res", "--json", "run.mcap"),
+            "run.mcap: the log of a run; name another file for the results",
+        ),
+        (
+            ("trial", "res", "--json", "toy.getup"),
+            "toy.getup: a file of ways up; name another file for the results",
+        ),
+        (
             ("push", "res", "-o", "mine.png"),
             "mine.png: a gait library; name another file for the picture",
         ),
@@ -688,6 +698,8 @@ def test_a_library_or_a_profile_is_not_replaced_by_anything_else(
     for name in ("mine.gait", "mine.png", "mine.npz"):
         shutil.copy(resources.files("gaitchain") / "data" / "res.gait", name)
     Path("p.toml").write_text("[stand]\n", "utf-8")
+    Path("run.mcap").write_bytes(b"\x89MCAP0\r\n")
+    shutil.copy(WAYS, "toy.getup")
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     code, _, err = call(capsys, *words)
     assert (code, err) == (2, f"gaitchain: {said}\n")

@@ -197,6 +197,25 @@ def test_known_ways_are_tried_from_the_sides_asked_for(
     assert ways.read_bytes() == before
 
 
+@pytest.mark.usefixtures("small")
+@pytest.mark.parametrize("ways", ["", "front", "front_too"])
+def test_no_side_of_an_existing_output_is_lost(
+    ways, toy_gait, toy_path, known, tmp_path, capsys
+):
+    """It was, after a search of hours."""
+    out = known("front", "back")
+    before = out.read_bytes()
+    if ways:
+        front = known("front")
+        sides = ("--sides", "front") if ways == "front" else ()
+        assert tried(toy_gait, toy_path, front, out, *sides) == 2
+    else:
+        assert searched(toy_gait, toy_path, out, "--sides", "front") == 2
+    assert "would lose its way from the back" in capsys.readouterr().err
+    assert out.read_bytes() == before
+    assert not list(tmp_path.glob("*.search.jsonl"))
+
+
 def test_a_full_disk_keeps_the_ways_of_before(
     toy_gait, toy_path, known, tmp_path, capsys
 ):
@@ -218,7 +237,7 @@ def test_a_side_without_a_known_way_does_not_pass(
     stands = Rose(stood=True, tries=1, seconds=1.0)
     monkeypatch.setattr(get_up, "try_rising", lambda *of: iter([stands]))
     out, front, both = tmp_path / "out.getup", known("front"), known("front", "back")
-    assert tried(toy_gait, toy_path, both, out) == 0
+    assert tried(toy_gait, toy_path, both, tmp_path / "both.getup") == 0
     assert tried(toy_gait, toy_path, front, out, "--sides", "front") == 0
     assert "no way from" not in capsys.readouterr().out
     assert tried(toy_gait, toy_path, front, out) == 1

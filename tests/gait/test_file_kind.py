@@ -4,12 +4,14 @@ import re
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 from standing_record import record as by_hand
 
 from gaitchain.analysis.record_file import load_record, save_record
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.errors import GaitchainError
 from gaitchain.gait.file_kind import kind_of
+from gaitchain.gait.get_up import GetUp, TimedPose, Way, save_get_up
 from gaitchain.gait.library_file import load_library
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog, load_log, save_log
 from gaitchain.live.exercise import Motion
@@ -56,3 +58,25 @@ def test_what_a_file_is_can_be_asked_without_reading_it(files, wanted, tmp_path)
         damaged.write_bytes(data)
         assert kind_of(damaged) is None
     assert kind_of(tmp_path) is None
+
+
+@pytest.mark.parametrize("kind", ["the log of a run", "a file of ways up"])
+def test_logs_and_ways_up_are_known_by_how_they_begin(kind, tmp_path):
+    log, ways = tmp_path / "a.mcap", tmp_path / "a.getup"
+    with log.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.finish()
+    way = Way((TimedPose(0.1, (0.0,)),), 0, 1)
+    save_get_up(GetUp("toy", "0", ("a",), (0.0,), {"front": way}), ways)
+    path = {"the log of a run": log, "a file of ways up": ways}[kind]
+    assert kind_of(path) == kind
+    assert kind_of(path, "a gait library") == kind
+    assert kind_of(path, kind) is None
+
+
+def test_other_json_may_be_replaced(tmp_path):
+    path = tmp_path / "results.json"
+    for text in ("{}", '{"qualification": 1, "supports": 2}', "[1]", '{"ways": ', "7"):
+        path.write_text(text, "utf-8")
+        assert kind_of(path) is None

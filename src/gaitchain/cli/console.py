@@ -338,7 +338,7 @@ def file_of(path: Path) -> Path:
 
 
 def check_replaced(path: Path | None, what: str, wanted: Kind | None = None) -> None:
-    """Refuse to replace a library, a record, a log or a TOML file by something else.
+    """Refuse to replace a file of the package or a TOML file by something else.
 
     Args:
         path: to be written; None where nothing is.

@@ -1,6 +1,6 @@
 """`gaitchain get-up`: search how a robot gets up after a fall, and try it."""
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,6 @@ from gaitchain.build.workers import available_cores
 from gaitchain.cli.console import (
     check_files,
     check_replaced,
-    file_of,
     print_table,
     progress,
     resumable,
@@ -40,7 +39,7 @@ def run(options: Options) -> tuple[int, dict[str, Any]]:
     """Search and try; the exit code is 1 if it stays down too often."""
     written = options.output, options.replay
     check_files(written, [Path(options.library), options.model])
-    check_replaced(options.output, "the ways up")
+    check_replaced(options.output, "the ways up", "a file of ways up")
     check_replaced(options.replay, "the page")
     subject = Subject(options.model, read_library(options.library))
     journal = None if options.ways else _begun(options, subject)
@@ -80,17 +79,30 @@ def _known(options: Options, subject: Subject) -> GetUp:
     ways = {side: way for side, way in known.ways.items() if side in asked}
     if not ways:
         raise LibraryError(f"{options.ways}: has no way from the {' or '.join(asked)}")
-    left = [side for side in known.ways if side not in asked]
-    if left and file_of(options.output) == file_of(options.ways):
+    _refuse_loss(options, subject, ways)
+    return msgspec.structs.replace(known, ways=ways)
+
+
+def _refuse_loss(options: Options, subject: Subject, sides: Container[Side]) -> None:
+    """Refuse to replace ways up of the robot by those of less sides.
+
+    Raises:
+        CommandError: the output has a way from another side than these.
+    """
+    try:
+        there = load_get_up(options.output, subject.library.robot)
+    except LibraryError:  # none yet, or no longer of this robot
+        return
+    if left := [side for side in there.ways if side not in sides]:
         raise CommandError(
             f"{options.output}: would lose its way from the {left[0]}; name another "
             "file with -o, or ask for both sides"
         )
-    return msgspec.structs.replace(known, ways=ways)
 
 
 def _begun(options: Options, subject: Subject) -> Journal:
     """Open the journal of the search and of the falls after it, and say so."""
+    _refuse_loss(options, subject, _sides(options))
     out, asked = options.output, (options.generations, options.seed, options.sides)
     of = *_searched(subject), asked
     journal = Journal(out.with_name(f"{out.name}.search.jsonl"), *of)

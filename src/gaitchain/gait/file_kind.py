@@ -1,11 +1,21 @@
-"""Which of the package's own files one is: all are safetensors with a JSON header."""
+"""Which of the package's own files one is, by how it begins.
+
+Libraries, records and logs of exercises are safetensors with a JSON header, logs of
+runs are MCAP, ways up are JSON.
+"""
 
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, BinaryIO, Literal
 
-Kind = Literal["a gait library", "the record of a walk", "the log of an exercise"]
+Kind = Literal[
+    "a gait library",
+    "the record of a walk",
+    "the log of an exercise",
+    "the log of a run",
+    "a file of ways up",
+]
 
 # Of each kind an entry of the header that no other kind has.
 _OWN: Mapping[Kind, str] = {
@@ -17,6 +27,7 @@ _OWN: Mapping[Kind, str] = {
 
 _KEY = "gaitchain"
 _MOST_BYTES = 100_000_000  # of a header, as safetensors has it
+_MCAP = b"\x89MCAP0\r\n"
 
 
 def kind_of(path: Path, wanted: Kind | None = None) -> Kind | None:
@@ -28,11 +39,22 @@ def kind_of(path: Path, wanted: Kind | None = None) -> Kind | None:
     """
     try:
         with path.open("rb") as file:
-            size = int.from_bytes(file.read(8), "little")
-            plain = json.loads(file.read(min(size, _MOST_BYTES)))
-        return other_kind(json.loads(plain["__metadata__"][_KEY]), wanted)
+            found = _kind(file)
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
+    return found if found != wanted else None
+
+
+def _kind(file: BinaryIO) -> Kind | None:
+    begin = file.read(8)
+    if begin == _MCAP:
+        return "the log of a run"
+    if begin.startswith(b"{") and begin[-1]:  # else the size of a header
+        whole = json.loads(begin + file.read(_MOST_BYTES))
+        return "a file of ways up" if "ways" in whole else None
+    size = int.from_bytes(begin, "little")
+    plain = json.loads(file.read(min(size, _MOST_BYTES)))
+    return other_kind(json.loads(plain["__metadata__"][_KEY]), None)
 
 
 def other_kind(header: Mapping[str, Any], wanted: Kind | None) -> Kind | None:
