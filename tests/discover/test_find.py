@@ -146,6 +146,25 @@ def test_soles_of_every_shape(foot, front, rear, half):
     assert ("contact pairs" in told) == (foot == "pair")
 
 
+@pytest.mark.parametrize("turn", [0.3, -0.7, 2.0])
+@pytest.mark.parametrize("digits", [9, 6, 4])
+def test_a_sole_is_no_shorter_by_rounded_numbers(turn, digits):
+    """It was, by a step of the grid."""
+    _, builder = built(Toy())
+    for number in range(2):
+        sole = builder.spec.geom(f"sole{number}")
+        roll = builder.spec.joint(builder.made[number, "ankle_roll"][0])
+        roll.parent.quat = np.round(quat((0, 0, 1), turn), digits)
+        sole.quat = quat((0, 0, 1), -turn)
+        way = np.array([np.cos(turn), -np.sin(turn), 0.0])  # ahead
+        sole.pos = sole.pos[0] * way + [0, 0, sole.pos[2]]
+        roll.axis = roll.axis[0] * way
+    for leg in find(builder.spec.compile(), "toy").legs:
+        sole, within = leg.sole, 3.0 * 10.0**-digits + 1e-9
+        assert sole.front - sole.rear == pytest.approx(0.2, abs=within)
+        assert 2.0 * sole.half_width == pytest.approx(0.08, abs=within)
+
+
 def test_a_round_sole_holds_its_rectangle():
     model, _ = built(Toy(foot="cylinder"))
     sole = find(model, "toy").left.sole

@@ -31,6 +31,7 @@ _WIDTH_COUNTS = 1.5  # power of a rectangle's width against its length
 _SLANTED = 1.1  # a rectangle with this much more area is turned on purpose
 _SLANT_MOST = np.radians(25.0)
 _GRID = 81  # edges tried on each side of the inscribed rectangle
+_SQUARE = 1e-3  # of a sole's length: corners less far apart along it make a square edge
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,8 +289,11 @@ def _inscribed_rectangle(outline: Array, x: float) -> tuple[float, float, float,
         return 0.0, 0.0, 0.0, 0.0
     low, high = outline[:, 0].min(), outline[:, 0].max()
     split = min(max(x, low + 1e-3 * (high - low)), high - 1e-3 * (high - low))
-    rears = np.linspace(low, split, _GRID)[:-1]
-    fronts = np.linspace(split, high, _GRID)[1:]
+    # Of an edge that is square but for rounding both corners are ends, or a step of the
+    # grid would be lost.
+    xs, near = outline[:, 0], _SQUARE * (high - low)
+    rears = np.union1d(np.linspace(low, split, _GRID)[:-1], xs[xs < low + near])
+    fronts = np.union1d(np.linspace(split, high, _GRID)[1:], xs[xs > high - near])
     below = [_edges(outline, xs, np.min) for xs in (rears, fronts)]
     above = [_edges(outline, xs, np.max) for xs in (rears, fronts)]
     rights = np.maximum(below[0][:, None], below[1][None])
