@@ -699,6 +699,28 @@ def test_a_profile_gives_a_point_foot_its_sole():
     assert sole.origin[2] == pytest.approx(-0.07)
 
 
+@pytest.mark.parametrize(
+    "told", [{"below": 0.06}, {"front": 0.1}, {"front": 0.1, "below": 0.06}]
+)
+def test_a_sole_says_what_of_it_is_the_profiles(told):
+    model, _ = built(Toy())
+    found = find(model, "toy", parse_profile({"sole": told}, "p.toml"))
+    why = {row[0]: row[2] for row in found.evidence}[f"sole of {found.left.sole.body}"]
+    assert why == f"1 collision geoms of {found.left.sole.body}, and the profile"
+    whole = {"front": 0.1, "rear": -0.05, "half_width": 0.03, "below": 0.07}
+    found = find(model, "toy", parse_profile({"sole": whole}, "p.toml"))
+    assert [r[2] for r in found.evidence if "sole of" in r[0]] == ["the profile"] * 2
+
+
+def test_a_foot_without_shapes_needs_all_of_its_sole():
+    model, _ = built(Toy(foot="none"))
+    told = {"front": 0.1, "rear": -0.05, "half_width": 0.03}
+    with pytest.raises(RobotFileError, match=r"no shape .* and sole\.below in a pro"):
+        find(model, "toy", parse_profile({"sole": told}, "p.toml"))
+    found = find(model, "toy", parse_profile({"sole": {**told, "below": 0.07}}, "p"))
+    assert found.left.sole.front == 0.1
+
+
 def test_a_profile_names_legs_by_joints_or_feet():
     model, builder = built(Toy())
     plain = find(model, "toy")

@@ -80,10 +80,12 @@ def sole_of(
         why += "; it tapers, so the rectangle of equal area counts"
     if given.keys() & {"front", "rear", "half_width"}:
         rear, front = given.get("rear", rear), given.get("front", front)
-        half, why = given.get("half_width", half), f"{why}, and the profile"
+        half = given.get("half_width", half)
         outline = np.array([[rear, -half], [front, -half], [front, half], [rear, half]])
         outline[:, 1] += middle
         tapers = False
+    if given and geoms:  # else all of it is the profile's, or it has to be
+        why += ", and the profile"
     return FoundSole(
         body=name,
         origin=point + middle * frame[:, 1],
