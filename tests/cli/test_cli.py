@@ -378,6 +378,13 @@ BAD = [
         2,
         "--polcy: no option of walk; did you mean --pol",
     ),
+    (
+        ["walk", "--open-loop=no"],
+        2,
+        "--open-loop=no: it takes no value; give --open-loop, or leave it out",
+    ),
+    (["trial", "res", "--quiet="], 2, "--quiet=: it takes no value; give --quiet, or"),
+    (["serve", "res", "--no_log=1"], 2, "--no_log=1: it takes no value; give --no-log"),
     (["build", "res", "--out", "x"], 2, "--out: no option of build; did you mean --ou"),
     (["walk", "--library", "x.gait"], 2, "give the library itself: gaitchain walk FI"),
     (["figures", "--library=x.gait"], 2, "give the library itself: gaitchain figures"),

@@ -72,16 +72,25 @@ def _read(words: Sequence[str], shown: TextIO) -> Options:
 
 
 def _check_names(words: Sequence[str]) -> None:
-    """Refuse unknown verbs and options; the message has the nearest names."""
+    """Refuse unknown verbs and options, and flags with a value.
+
+    The message has the nearest names.
+    """
     verb = words[0]
     if verb.startswith("-"):
         return
     if verb not in VERBS:
         raise CommandError(f"{verb}: no such verb{_nearest(verb, VERBS)}")
-    known = {f"--{name.replace('_', '-')}" for name in _types(VERBS[verb])}
+    kinds = _types(VERBS[verb])
+    known = {f"--{name.replace('_', '-')}": kind for name, kind in kinds.items()}
     for word in words[1:]:
-        option = word.partition("=")[0].replace("_", "-")
-        if not option.startswith("--") or option in known | {"--help"}:
+        option, valued, _ = word.partition("=")
+        option = option.replace("_", "-")
+        if valued and bool in get_args(known.get(option)):
+            raise CommandError(
+                f"{word}: it takes no value; give {option}, or leave it out"
+            )
+        if not option.startswith("--") or option in {*known, "--help"}:
             continue
         if option == "--library":
             raise CommandError(
