@@ -9,6 +9,7 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from leg_makes import SEVEN, make_robot
 from other_robots import without_joint
 from planned_library import planned_library
 
@@ -23,6 +24,7 @@ from gaitchain.export.program import Program
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.qualification import Qualification
 from gaitchain.messages import GRAVITY, Array, Command, Sensors
+from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.robot.identified import Identified
 from gaitchain.sim.push import Push
 from gaitchain.sim.world import World
@@ -257,10 +259,22 @@ def test_a_walk_that_calms_down_between_long_stands(shipped, walkers):
     assert walker.standing
 
 
-@pytest.mark.parametrize("joint", [0, 5])
-def test_a_robot_with_five_joints_a_leg(res, tmp_path, joint):
-    """Nothing in C is made for one robot: this one has no hip yaw, or no ankle roll."""
-    library = planned_library(without_joint(res, joint))
+def with_seven_joints():
+    return make_robot(SEVEN, np.random.default_rng(1))
+
+
+@pytest.mark.parametrize(
+    ("robot", "joints"),
+    [
+        (lambda: without_joint(load_box_robot("res"), 0), 10),
+        (lambda: without_joint(load_box_robot("res"), 5), 10),
+        (with_seven_joints, 14),
+    ],
+    ids=["no hip yaw", "no ankle roll", "seven"],
+)
+def test_a_robot_with_other_legs(robot, joints, tmp_path):
+    """Nothing in C is made for one robot, nor for legs of six joints."""
+    library = planned_library(robot())
     # As if it could go lower than RES: too low for full speed, so it comes up first.
     span = replace(library.command_range, crouch=(0.03, 0.01))
     vars(library)["command_range"] = span
@@ -269,7 +283,7 @@ def test_a_robot_with_five_joints_a_leg(res, tmp_path, joint):
     commands = {60: low, 350: Command(span.vx[1], crouch=low.crouch), 550: Command()}
     assert idle(walker, in_c, 7 * SECOND, commands, noise=0.05) < NEAR
     header = (tmp_path / "gait.h").read_text("utf-8")
-    assert "#define GAIT_JOINTS 10\n" in header
+    assert f"#define GAIT_JOINTS {joints}\n" in header
 
 
 ODD_NAMES = (
