@@ -381,9 +381,10 @@ def test_the_qualified_delay_is_that_of_gate_and_grid():
     assert qualified_delay_s(unknown) == 0.0
 
 
-def late_library(delay_s):
+def late_library(delay_s, turnaround_s=None):
     """The library of a robot of which that delay was identified [s]."""
-    late = replace(Identified.of_file(12), delay_s=delay_s)
+    plain = Identified.of_file(12)
+    late = replace(plain, delay_s=delay_s, turnaround_s=turnaround_s)
     robot = library().robot.as_identified(late)
     return replace(library(), poses=replace(library().poses, robot=robot))
 
@@ -394,6 +395,13 @@ def test_an_identified_robot_is_qualified_for_its_own_delay_too():
     assert MujocoBackend(own.robot, World(delay_s=0.01)).world.delay_s == 0.03
     assert qualified_delay_s(own) == pytest.approx(0.035)
     assert qualified_delay_s(replace(own, qualification=Qualification())) == 0.0
+
+
+def test_a_bus_may_not_be_later_by_the_lag_of_the_servos():
+    """Of 20 ms that targets are late, the bus of the log took 4."""
+    own = late_library(0.02, 0.004)
+    assert MujocoBackend(own.robot, World(delay_s=0.01)).world.delay_s == 0.03
+    assert qualified_delay_s(own) == pytest.approx(0.019)
 
 
 def test_no_later_delay_is_qualified_than_a_world_may_have():

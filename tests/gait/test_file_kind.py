@@ -33,7 +33,8 @@ def files(tmp_path_factory):
     save_record(by_hand(np.zeros(5), robot=RES), record)
     rows, joints = 200, RES.legs.joint_names
     shown = np.zeros((rows, len(joints)))
-    measured = Measured(shown, shown[:, :3], shown[:, :3], 0.01 * np.arange(rows))
+    times_s = 0.01 * np.arange(rows)
+    measured = Measured(shown, shown[:, :3], shown[:, :3], times_s, 0.0 * times_s)
     parts = (MotionLog(Motion("held", shown), measured),)
     save_log(ExerciseLog(RES.name, RES.fingerprint, joints, 0.01, parts), log)
     return dict(zip(READERS, (shipped_library(), record, log), strict=True))

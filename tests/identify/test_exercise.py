@@ -100,10 +100,11 @@ def test_logs_without_times_are_read(short, tmp_path):
     with safe_open(path, "np") as file:
         header = file.metadata()
         arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    del arrays["time_s_0"]
+    del arrays["time_s_0"], arrays["turnaround_s_0"]
     save_file(arrays, path, header)
     again = load_log(path)
     assert again.late_s == 0.0
+    assert again.turnarounds_s.size == 0
     seen, same = again.parts[0].measured, short.parts[0].measured
     np.testing.assert_array_equal(seen.joint_position, same.joint_position)
 
@@ -112,6 +113,13 @@ def test_times_have_to_be_numbers(short, tmp_path):
     short.parts[0].measured.time_s[7] = np.nan
     save_log(short, tmp_path / "a.log")
     with pytest.raises(LogError, match="time_s has a value that is no number"):
+        load_log(tmp_path / "a.log")
+
+
+def test_no_target_is_written_before_its_read_began(short, tmp_path):
+    short.parts[0].measured.turnaround_s[[3, 7]] = 0.004, -0.001
+    save_log(short, tmp_path / "a.log")
+    with pytest.raises(LogError, match="turnaround_s has a value below 0"):
         load_log(tmp_path / "a.log")
 
 

@@ -347,7 +347,10 @@ def test_a_library_is_fitted_by_the_command_line(tmp_path, monkeypatch, capsys):
     log, plain = tmp_path / "a.log", tmp_path / "plain.gait"
     held = exercise(RES)[0]
     short = Motion("held", held.targets[100:300])
-    save_log(log_of(short, replace(Identified.of_file(12), delay_s=0.01)), log)
+    swung = log_of(short, replace(Identified.of_file(12), delay_s=0.01))
+    swung.parts[0].measured.turnaround_s[:] = 0.004
+    swung.parts[0].measured.turnaround_s[:80] = np.nan, *np.full(79, 0.02)
+    save_log(swung, log)
     shipped = load_library("src/gaitchain/data/res.gait")
     few = replace(shipped.config, gate_runs=2, gate_share=0.5)
     save_library(replace(shipped, config=few), plain)
@@ -360,6 +363,7 @@ def test_a_library_is_fitted_by_the_command_line(tmp_path, monkeypatch, capsys):
     assert picture.stat().st_size > 10_000
     said = capsys.readouterr().out.replace("\n", " ")
     assert "backlash" in said
+    assert "of the delay, 4.0 ms are the bus's" in said
     assert "replay misses the joints by" in said
     assert "mine.gait.identify.jsonl: what is finished; the same command" in said
     assert not out.exists()
@@ -372,6 +376,7 @@ def test_a_library_is_fitted_by_the_command_line(tmp_path, monkeypatch, capsys):
     assert not list(tmp_path.glob("*.jsonl"))
     mine = load_library(out, RES)
     assert mine.robot.identified == fits[0].identified
+    assert mine.robot.identified.turnaround_s == 0.004
     assert mine.qualification.gate is not None
     assert run(["inspect", str(out)]) == 0
 

@@ -10,7 +10,12 @@ from patience import PATIENCE_S
 from servo_bench import RES, patient_bus
 
 from gaitchain.backends.dynamixel import DynamixelBackend
-from gaitchain.backends.dynamixel.calibration import LOW_PWM, MOST_PWM
+from gaitchain.backends.dynamixel.bus_load import BusLoad
+from gaitchain.backends.dynamixel.calibration import (
+    LOW_PWM,
+    MOST_PWM,
+    plain_calibration,
+)
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.cli import run
 from gaitchain.errors import BackendError, ServosStoppedError
@@ -58,7 +63,7 @@ class Watched(MujocoBackend):
         return seen if self._spoilt is None else self._spoilt(self.times, seen)
 
 
-def exercised(backend, clock=None):
+def exercised(backend, clock=None, write_s=0.0):
     asked = []
 
     def ready(motion):
@@ -67,7 +72,8 @@ def exercised(backend, clock=None):
         backend.connect(np.array(RES.legs.stand))
 
     told = lambda stage, done, total: None  # noqa: E731
-    return exercise_servos(RES, backend, ready, told, clock or Jumps()), asked
+    clock = clock or Jumps()
+    return exercise_servos(RES, backend, ready, told, clock, write_s=write_s), asked
 
 
 def test_it_is_held_up_and_then_stands():
@@ -128,6 +134,20 @@ def test_a_log_tells_where_the_computer_was_held_up(monkeypatch):
     log, _ = exercised(Watched(timed), clock)
     assert log.late_s == pytest.approx(0.08)
     assert "up to 80 ms late, at most 30 ms can be fitted" in log.uneven
+
+
+def test_a_log_tells_how_long_the_bus_takes_from_a_read_to_its_target(monkeypatch):
+    """3 ms of reading, and 1 ms of targets on the line."""
+    monkeypatch.setattr(motions, "_SECONDS", dict.fromkeys(motions._SECONDS, 4.0))
+    clock = Jumps()
+
+    def slow(times, seen):
+        clock.sleep_until(clock.now() + 0.003)
+        return seen
+
+    log, _ = exercised(Watched(slow), clock, write_s=0.001)
+    rows = sum(len(part.motion.targets) for part in log.parts)
+    np.testing.assert_allclose(log.turnarounds_s, np.full(rows, 0.004))
 
 
 def test_a_robot_that_cannot_stand_level_is_not_put_on_the_ground():
@@ -260,6 +280,8 @@ def test_emulated_servos_exercise_in_real_time(tmp_path, monkeypatch):
         assert any(exercises() for _ in range(_ATTEMPTS))
     assert limits[-2:] == [LOW_PWM, MOST_PWM], "hung legs are limited"
     log = load_log(path)
+    line_s = BusLoad(12, plain_calibration(RES).baud).write_s
+    assert 0.0 < line_s < log.turnarounds_s.min()
     for part in log.parts:
         assert len(part.motion.targets) == 400
         assert np.isnan(part.measured.acceleration).all(), "it has no IMU"

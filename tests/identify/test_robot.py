@@ -98,6 +98,10 @@ def test_facts_and_arrays_are_the_robot_again():
     assert again == MINE
     assert again.fingerprint == MINE.fingerprint
     assert again.nominal == RES
+    assert "turnaround_s" not in FOUND.facts(), "nothing tells how late its bus is"
+    timed = RES.as_identified(replace(FOUND, turnaround_s=0.004))
+    facts = json.loads(json.dumps(robot_facts(timed)))
+    assert robot_from(facts, robot_arrays(timed)).identified.turnaround_s == 0.004
 
 
 @pytest.mark.parametrize(
@@ -114,6 +118,8 @@ def test_facts_and_arrays_are_the_robot_again():
         ("backlash_deg", [0.1] * 11 + [-0.1]),
         ("trunk_mass", 0.0),
         ("imu_delay_s", -0.01),
+        ("turnaround_s", -0.01),
+        ("turnaround_s", None),
         ("play", 0.1),
         pytest.param("delay_s", 10**400, id="huge"),
         ("com", {}),

@@ -146,7 +146,14 @@ def _on_servos(library: GaitLibrary, options: Calibrate) -> ExerciseLog:
             answers.choose(_WORDS[motion.support])
             screen.clear()
 
-        return exercise_servos(robot, backend, ready, tell, sent=screen.show)
+        return exercise_servos(
+            robot,
+            backend,
+            ready,
+            tell,
+            sent=screen.show,
+            write_s=backend.load.write_s,
+        )
 
 
 def _servos(robot: Robot, options: Calibrate) -> DynamixelBackend:

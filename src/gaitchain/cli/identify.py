@@ -161,6 +161,7 @@ def _figures(fitted: GaitLibrary, fit: Fit) -> dict[str, Any]:
         "robot": fitted.robot.name,
         "qualified": fitted.qualified,
         "commands": asdict(fitted.command_range),
+        "turnaround_s": fit.identified.turnaround_s,
         "numbers": [_plain(number) for number in fit.numbers],
         "rms_before": fit.before,
         "rms_after": fit.after,
@@ -191,6 +192,12 @@ def _show(robot: str, fit: Fit) -> None:
     print_table(f"{robot}, as its log shows it", heads, _rows(fit.numbers))
     if not all(number.told for number in fit.numbers):
         say("(in brackets: the log says little more than what was assumed before)")
+    took_s = fit.identified.turnaround_s
+    if took_s is not None:
+        say(
+            f"of the delay, {1e3 * took_s:.1f} ms are the bus's (median, from a read "
+            "to its targets); `gaitchain doctor` compares with that"
+        )
     for sensor in zip(_SENSORS, fit.before, fit.after, fit.present, strict=True):
         say(_missed(*sensor))
 

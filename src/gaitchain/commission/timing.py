@@ -13,6 +13,7 @@ from gaitchain.errors import BackendError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.live.clock import Clock, Pacer
 from gaitchain.messages import CONTROL_PERIOD_S, Array
+from gaitchain.robot.robot import Robot
 from gaitchain.sim.robot_faults import world_of
 from gaitchain.sim.world import World
 
@@ -55,7 +56,8 @@ def qualified_delay_s(library: GaitLibrary) -> float:
     """Return the largest delay, with jitter, in which a library was passed [s].
 
     Those of the gate's worlds, and of the grid's worlds in which enough walks held. A
-    robot that was identified walked there with its own delay in addition.
+    robot that was identified walked there with its own delay in addition, of which its
+    log tells what its bus took: the rest is of its servos, and not measured here.
     """
     gate = library.qualification.gate
     found: list[World] = []
@@ -66,8 +68,16 @@ def qualified_delay_s(library: GaitLibrary) -> float:
         World(delay_s=at.get(_DELAY, 0.0), jitter_s=at.get(_JITTER, 0.0))
         for at in _passed_levels(library)
     ]
-    walked = [world_of(library.robot, world) for world in found]
+    walked = [world_of(_on_its_bus(library.robot), world) for world in found]
     return max((world.delay_s + world.jitter_s for world in walked), default=0.0)
+
+
+def _on_its_bus(robot: Robot) -> Robot:
+    """Return an identified robot whose delay is that of its bus, as far as known."""
+    own = robot.identified
+    if own is None or own.turnaround_s is None:
+        return robot
+    return robot.as_identified(replace(own, delay_s=own.turnaround_s))
 
 
 def qualified_rate_hz(library: GaitLibrary) -> float:

@@ -93,8 +93,11 @@ def _joint_rows(names: tuple[str, ...], found: Identified) -> Iterator[tuple[str
 
 def _rows(found: Identified) -> list[tuple[str, str]]:
     """Return what is not of one joint alone, as (name, value)."""
+    took_s = found.turnaround_s
+    bus = [] if took_s is None else [("of it, the bus's", f"{1000.0 * took_s:.1f} ms")]
     return [
         ("delay of the targets", f"{1000.0 * found.delay_s:.1f} ms"),
+        *bus,
         ("more dry friction at rest, part of that", f"{found.stiction:.3f}"),
         ("torque lost at the speed limit, part of it", f"{found.viscous_friction:.3f}"),
         ("mass and inertia of the trunk, times", f"{found.trunk_mass:.3f}"),

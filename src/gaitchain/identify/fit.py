@@ -119,7 +119,15 @@ def fit_logs(
     unseen = [*_unfelt(parameters, parts), *_idle(parameters, robot.legs)]
     belief = Belief(*parameters.anew(unseen, *belief))
     missed = _missed_of(robot, motions, leans, parameters.read(belief.mean)[0])
-    return _accepted(_fit_of(parameters, belief, missed), parts)
+    fit = _accepted(_fit_of(parameters, belief, missed), parts)
+    identified = replace(fit.identified, turnaround_s=_turnaround_s(logs))
+    return replace(fit, identified=identified)
+
+
+def _turnaround_s(logs: Sequence[ExerciseLog]) -> float | None:
+    """Return the median time from a read to its target [s]; None if none is known."""
+    known = np.concatenate([log.turnarounds_s for log in logs])
+    return float(np.median(known)) if known.size else None
 
 
 def _fit_motions(

@@ -22,9 +22,10 @@ from gaitchain.robot.whole_file import read_file, replace_file
 from gaitchain.walker.sensor_check import ABSURD
 
 _KEY, _KIND, _SCHEMA = "gaitchain", "exercise", 1
+_OPTIONAL = "time_s", "turnaround_s"  # which logs of before do not have
 _COLUMNS = (
     *("target", "joint_position", "angular_velocity", "acceleration"),
-    "time_s",
+    *_OPTIONAL,
 )
 _LATE = 3.0  # periods by which rows may be late; beyond, `live.clock` leaves some out
 _MALFORMED = SafetensorError, ValueError, OverflowError, RecursionError
@@ -57,6 +58,9 @@ class Measured:
     """(N, 3) in the IMU's frame [m/s^2]; NaN without an IMU."""
     time_s: Array
     """(N,) when each row was measured, since some beginning [s]."""
+    turnaround_s: Array
+    """(N,) from the begin of a read to the last byte of its target [s]; NaN where that
+    is not known, as in simulation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +87,12 @@ class ExerciseLog:
     def seconds(self) -> float:
         """Length of all motions [s]."""
         return sum(len(p.motion.targets) for p in self.parts) * self.period_s
+
+    @property
+    def turnarounds_s(self) -> Array:
+        """(K,) those of all rows that are known [s]."""
+        known = np.concatenate([part.measured.turnaround_s for part in self.parts])
+        return np.asarray(known[np.isfinite(known)])
 
     @property
     def late_s(self) -> float:
@@ -196,12 +206,13 @@ def _checked(header: _Header, arrays: dict[str, Any]) -> ExerciseLog:
 def _part_of(
     support: Support, own: dict[str, Any], joints: int, period_s: float
 ) -> MotionLog:
-    missing = [n for n in _COLUMNS if n not in own and n != "time_s"]
+    missing = [n for n in _COLUMNS if n not in own and n not in _OPTIONAL]
     if missing:
         raise ValueError(f"the motion {support!r} has no {', '.join(missing)}")
     rows = len(np.atleast_1d(own["target"]))
     # Logs of before have no times: their rows are taken for those of every period.
-    own = {"time_s": period_s * np.arange(rows), **own}
+    even, unknown = period_s * np.arange(rows), np.full(rows, np.nan)
+    own = {"time_s": even, "turnaround_s": unknown, **own}
     columns = {name: own[name] for name in _COLUMNS}
     for name, column in columns.items():
         _check_column(name, column, rows, joints)
@@ -213,6 +224,8 @@ def _part_of(
     for name, column in (("target", target), ("time_s", columns["time_s"])):
         if not np.isfinite(column).all():
             raise ValueError(f"{name} has a value that is no number")
+    if (columns["turnaround_s"] < 0.0).any():
+        raise ValueError("turnaround_s has a value below 0")
     return MotionLog(Motion(support, target), Measured(**columns))
 
 
@@ -220,8 +233,8 @@ def _check_column(name: str, column: Any, rows: int, joints: int) -> None:
     """Refuse numbers of another type or shape, or of a size that none is of."""
     if column.dtype != np.float64:
         raise ValueError(f"{name} is of {column.dtype}, must be of float64")
-    widths = {"target": (joints,), "joint_position": (joints,), "time_s": ()}
-    shape = rows, *widths.get(name, (3,))
+    widths = dict.fromkeys(("target", "joint_position"), (joints,))
+    shape = (rows,) if name in _OPTIONAL else (rows, *widths.get(name, (3,)))
     if column.shape != shape:
         raise ValueError(
             f"{name} has shape {column.shape}, must be {shape}, by the {rows} rows of "

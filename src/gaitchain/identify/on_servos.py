@@ -11,7 +11,7 @@ from gaitchain.live.clock import Clock
 from gaitchain.live.exercise import Motion, Support, exercise
 from gaitchain.live.joint_mover import JointMover
 from gaitchain.live.servo_ranges import within_servos
-from gaitchain.messages import CONTROL_PERIOD_S, Array, Sensors
+from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.robot.robot import Robot
 
 _STAGES: dict[Support, str] = {
@@ -32,6 +32,7 @@ def exercise_servos(
     progress: Progress,
     clock: Clock | None = None,
     sent: Sent | None = None,
+    write_s: float = 0.0,
 ) -> ExerciseLog:
     """Let a robot do its exercise, as far as its servos may turn.
 
@@ -45,6 +46,7 @@ def exercise_servos(
         progress: called with what is done, how far it is, and of how much.
         clock: the computer's by default.
         sent: told each target, if given.
+        write_s: time that the targets take on the line after they were written [s].
 
     Raises:
         BackendError: a servo failed or did not answer, or the robot leaned too far.
@@ -65,7 +67,9 @@ def exercise_servos(
                 upright=motion.support == "standing",
                 sent=sent,
             )
-            parts.append(_run(mover, motion, progress, imu=backend.has_imu))
+            moved = _run(mover, motion, progress)
+            seen = _measured(mover, len(moved.targets), write_s, imu=backend.has_imu)
+            parts.append(MotionLog(moved, seen))
     finally:
         backend.release()
         backend.close()
@@ -75,24 +79,23 @@ def exercise_servos(
     )
 
 
-def _run(
-    mover: JointMover, motion: Motion, progress: Progress, *, imu: bool
-) -> MotionLog:
-    """Go to a motion's begin slowly, and carry it out."""
+def _run(mover: JointMover, motion: Motion, progress: Progress) -> Motion:
+    """Go to a motion's begin slowly, and carry it out; return what was sent."""
     mover.begin()
     mover.go(motion.targets[0])
     sent = np.empty_like(motion.targets)
     for i, wanted in enumerate(motion.targets):
         progress(_STAGES[motion.support], i + 1, len(motion.targets))
         sent[i] = mover.send(wanted)
-    moved = Motion(motion.support, sent)
-    return MotionLog(moved, _measured(mover.seen, len(sent), imu=imu))
+    return Motion(motion.support, sent)
 
 
-def _measured(seen: list[Sensors], count: int, *, imu: bool) -> Measured:
+def _measured(mover: JointMover, count: int, write_s: float, *, imu: bool) -> Measured:
     """Return the last rows; NaN where a joint did not answer, and without an IMU."""
-    last = seen[-count:]
+    last = mover.seen[-count:]
     joints = np.array([s.joint_position for s in last])
     felt = np.array([(s.angular_velocity, s.acceleration) for s in last])
     gyro, acceleration = np.moveaxis(felt if imu else np.full_like(felt, np.nan), 1, 0)
-    return Measured(joints, gyro, acceleration, np.array([s.time for s in last]))
+    times_s = np.array([s.time for s in last])
+    turnarounds_s = write_s + np.array(mover.turnarounds_s[-count:])
+    return Measured(joints, gyro, acceleration, times_s, turnarounds_s)

@@ -89,7 +89,9 @@ def replay(
         (seen.joint_position, seen.angular_velocity, seen.acceleration, seen.time)
         for seen in _moved(backend, motion)
     ]
-    seen = Measured(*(np.array(column) for column in zip(*rows, strict=True)))
+    joints, gyro, acceleration, times_s = map(np.array, zip(*rows, strict=True))
+    unknown = np.full(len(rows), np.nan)
+    seen = Measured(joints, gyro, acceleration, times_s, unknown)
     return _with_late_imu(seen, late_s) if late_s else seen
 
 

@@ -46,6 +46,8 @@ class JointMover:
         """
         self.seen: list[Sensors] = []
         """Measurements of each control period since the last `begin`."""
+        self.turnarounds_s: list[float] = []
+        """From the begin of each of these reads to its target's write [s]."""
         self.target = np.zeros(len(legs.joint_names))
         """(2 n,) the latest target [rad]."""
         self.mounting: Mounting | None = None
@@ -70,6 +72,7 @@ class JointMover:
         self._pacer = Pacer(self._clock, self._period_s)
         self._heard_s[:] = self._felt_s = self._clock.now()
         self.seen.clear()
+        self.turnarounds_s.clear()
 
     def go(self, goal: Array, speed: float = SLOW) -> Array:
         """Move to a pose slowly.
@@ -130,11 +133,13 @@ class JointMover:
             BackendError: a joint failed, or the robot leans too far.
         """
         self._pacer.wait()
+        begin_s = self._clock.now()
         seen = self._read()
         self._check(seen)
         self.seen.append(seen)
         self.target, _ = self._limiter.limit(wanted, self.target)
         self._write(self.target)
+        self.turnarounds_s.append(self._clock.now() - begin_s)
         if self._sent is not None:
             self._sent(self.target)
         return self.target

@@ -17,10 +17,11 @@ _AXES = 3
 _OF_JOINTS = "gain", "offset", "damping", "backlash_deg", "dry_friction"
 _ALIKE = "damping", "backlash_deg", "dry_friction"  # one number for all, of before
 _NEW = {"trunk_mass": 1.0, "imu_delay_s": 0.0}  # that libraries of before do not have
+_SELDOM = "turnaround_s"  # not in each log
 _FACTORS = "gain", "damping", "trunk_mass"
 _AMOUNTS = (
     *("delay_s", "backlash_deg", "dry_friction", "stiction", "viscous_friction"),
-    "imu_delay_s",
+    *("imu_delay_s", _SELDOM),
 )
 _PLACED = "gain", "offset", "com", "tilt"
 UNSURE = (
@@ -66,6 +67,10 @@ class Identified:
     """Factor on the mass and the inertia of the trunk."""
     imu_delay_s: float = 0.0
     """Gyro and accelerometer come late by this [s]."""
+    turnaround_s: float | None = None
+    """What the bus of the log took from the begin of a read to the last byte of its
+    targets [s]; None where the log does not tell. A part of `delay_s`, whose rest is
+    of the servos."""
     unknown: Array = field(default_factory=lambda: np.zeros(()))
     """(K, K) lower factor of the covariance of all numbers of `UNSURE`, in their units;
     0 where they are exact."""
@@ -140,10 +145,9 @@ class Identified:
         return hash(json.dumps(self.facts()))
 
     def facts(self) -> dict[str, Any]:
-        """Return all numbers by name, in plain types."""
-        return {
-            f.name: np.asarray(getattr(self, f.name)).tolist() for f in fields(self)
-        }
+        """Return all that is known by name, in plain types."""
+        known = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {n: np.asarray(v).tolist() for n, v in known.items() if v is not None}
 
 
 def identified_from(facts: Any, joints: int) -> Identified:
@@ -164,7 +168,7 @@ def identified_from(facts: Any, joints: int) -> Identified:
     if not isinstance(facts, dict):
         raise RobotFileError(f"what was identified is {facts!r:.80}, must be a table")
     facts = _NEW | _of_now(facts, joints)
-    if set(facts) != wanted:
+    if set(facts) | {_SELDOM} != wanted:
         raise RobotFileError(f"identified numbers {names_apart(facts, wanted)}")
     found: dict[str, Any] = {}
     for name, value in facts.items():
