@@ -9,6 +9,8 @@ from api_server import API, PATIENCE_S, TOKEN, served, small_library
 
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.live.messages import FollowSteps, Going, GoTo, Mode, ReplayState
+from gaitchain.service import command_gateway
+from gaitchain.service.api_limits import ApiLimits
 from gaitchain.walker.footsteps import Footstep
 from gaitchain.walker.stride_generator import StrideGenerator
 from gaitchain.walker.waypoints import Place
@@ -142,6 +144,30 @@ def test_the_first_footsteps_wait_for_no_tables(here, monkeypatch):
     """They are computed before requests are answered: a stop may wait behind."""
     monkeypatch.setattr(StrideGenerator, "__init__", None)
     assert follow(here, landing(True, 0.0)).status_code == 202
+
+
+def test_a_flood_of_footsteps_is_not_looked_at(here, monkeypatch):
+    """A stop waits for each plan that is; here as many come back as never."""
+    plan = [landing(i % 2 == 0, 0.0) for i in range(200)]
+    looked, look = [], command_gateway.check_footsteps
+
+    def counted(strides, feet, steps, stance):
+        looked.append(len(steps))
+        look(strides, feet, steps, stance)
+
+    monkeypatch.setattr(command_gateway, "check_footsteps", counted)
+    few = ApiLimits(requests_per_s=1e6, footsteps_per_s=1e-6)
+    with served(few) as other:
+        tell(other, **KNOWN)
+        wrong = [*plan[:-1], landing(False, 9.0)]
+        statuses = [follow(other, *wrong).status_code for _ in range(5)]
+        assert statuses == [409, 409, 429, 429, 429]
+        answer = follow(other, plan[0])
+        assert answer.status_code == 429
+        assert "new footsteps a second" in answer.json()["detail"]
+        stopped = other.client.post(f"{API}/emergency-stop")
+        assert stopped.status_code == 202
+    assert sum(looked) == few.footsteps
 
 
 def test_a_step_that_cannot_be_made_is_answered_with_its_number(here):

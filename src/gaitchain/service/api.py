@@ -178,7 +178,7 @@ def make_service(
     span, disturbs = library.command_range, disturbance_limits(settings, library)
     feed = Feed(folder, FallWatch(library), limits.silent_s)
     replays = settings.replay is not None
-    gateway = CommandGateway(feed, asker, library, disturbs, replays=replays)
+    gateway = CommandGateway(feed, asker, library, disturbs, limits, replays=replays)
     framer = Framer(library.robot, span, kind_of(settings))
     return Service(
         feed=feed,

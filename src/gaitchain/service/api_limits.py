@@ -24,6 +24,11 @@ class ApiLimits:
     once [s]."""
     body_bytes: int = 16_384
     """Size of a request's body [byte]."""
+    footsteps_per_s: float = 1000.0
+    """New footsteps that are looked at per second, of all clients: a stop waits for
+    those of one request, 10 ms for 200 of them."""
+    footsteps: int = 400
+    """How many of them at once."""
     message_bytes: int = 2_048
     """Size of a client's message on the telemetry stream [byte]."""
     messages_per_s: float = 200.0

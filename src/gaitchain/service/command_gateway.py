@@ -23,6 +23,7 @@ from gaitchain.live.messages import (
 )
 from gaitchain.messages import Command
 from gaitchain.service.api_feed import Feed
+from gaitchain.service.api_limits import Allowance, ApiLimits
 from gaitchain.service.channel import Asker
 from gaitchain.service.disturbance_limits import PUSH_MOST
 from gaitchain.service.schemas import (
@@ -80,6 +81,7 @@ class CommandGateway:
         asker: Asker,
         library: GaitLibrary,
         limits: DisturbanceLimits | None,
+        allowed: ApiLimits,
         *,
         replays: bool = False,
     ) -> None:
@@ -90,6 +92,7 @@ class CommandGateway:
             asker: the way to the loop.
             library: that the loop walks.
             limits: of what disturbs the robot; None where it is not simulated.
+            allowed: how much is taken from all clients.
             replays: whether a log is played in place of a loop.
 
         Raises:
@@ -101,6 +104,8 @@ class CommandGateway:
         self._strides: StrideGenerator | None = None  # what the loop chooses strides by
         if isinstance(library.poses, StridePoses) and not replays:
             self._strides = StrideGenerator(library)  # now, as later a stop may wait
+        self._looks = Allowance(allowed.footsteps_per_s, allowed.footsteps)
+        self._most_looks = allowed.footsteps_per_s
         self._passed: FollowSteps | None = None  # that were found to be possible
 
     def drive(self, driver: str, motion: Motion) -> None:
@@ -153,8 +158,8 @@ class CommandGateway:
 
         Raises:
             RefusedError: the robot does not stand, the chain cannot make one of them,
-                which the message has the number of, another one drives, or the loop is
-                silent.
+                which the message has the number of, too many were asked for, another
+                one drives, or the loop is silent.
         """
         telemetry = self._check_strides(self._check_wheel(driver))
         steps = tuple(Footstep(s.left, s.x, s.y, s.yaw) for s in wanted.steps)
@@ -171,6 +176,12 @@ class CommandGateway:
                 409, f"footsteps begin from a stand; the robot is {telemetry.mode}"
             )
         feet = dict(zip((1.0, -1.0), telemetry.feet, strict=True))
+        if not self._looks.take(len(steps)):
+            raise RefusedError(
+                429,
+                f"more than {self._most_looks:g} new footsteps a second: ask again "
+                "later; repeated ones do not count",
+            )
         strides = self._strides
         assert strides is not None  # no other library knows a place
         try:
