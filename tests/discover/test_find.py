@@ -989,6 +989,25 @@ def test_a_held_joint_of_a_leg_may_be_given_an_angle(tmp_path):
     assert [found.stand[f"{s}_yaw"] for s in ("left", "right")] == [0.05, -0.05]
 
 
+@pytest.mark.parametrize(
+    ("tie", "why"),
+    [
+        ('joint2="left_yaw" polycoef="0 1 0 0 0"', "the joint follows left_yaw, by an"),
+        ('polycoef="0.1 0 0 0 0"', "the file holds the joint, by an <equality>"),
+    ],
+)
+def test_angles_of_joints_that_follow_others_are_refused(tmp_path, tie, why):
+    """They had no effect: where the joint is, the equality says."""
+    text = without_actuators("left_yaw", "right_yaw")
+    tied = f'<equality><joint joint1="right_yaw" {tie}/></equality>'
+    path = write(tmp_path, text.replace("</mujoco>", f"{tied}</mujoco>"))
+    told = {"stand": {"angles": {"right_yaw": 0.05}}}
+    with pytest.raises(
+        RobotFileError, match=f"^p.toml: stand.angles.right_yaw = 0.05: {why}"
+    ):
+        find(load_model(path).model, "toy", parse_profile(told, "p.toml"))
+
+
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_angles_beyond_a_range_are_refused_with_both_ends(sign):
     model, builder = built(Toy())

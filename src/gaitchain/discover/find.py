@@ -308,7 +308,8 @@ def _given_angles(
     """Return the angles of the standing pose that a profile gives, by joint [rad].
 
     Raises:
-        RobotFileError: a joint is none, is driven in a leg, or does not go there.
+        RobotFileError: a joint is none, is driven in a leg, follows another one, or
+            does not go there.
     """
     joints, angles = {robot.joint_name(j): j for j in robot.joints}, {}
     for name, angle in answers.angles.items():
@@ -320,6 +321,8 @@ def _given_angles(
                 f"{told}: the joint walks, and stands as it has to; give angles of "
                 "joints outside the legs: stand.hip_height bends the legs"
             )
+        if joint in robot.followers:
+            raise RobotFileError(f"{told}: {_why_it_follows(robot, joint)}")
         if not low <= angle <= high:
             unit = "m" if robot.model.jnt_type[joint] == SLIDE else "rad"
             raise RobotFileError(
@@ -327,6 +330,15 @@ def _given_angles(
             )
         angles[joint] = angle
     return angles
+
+
+def _why_it_follows(robot: PinnedRobot, joint: int) -> str:
+    """Say why a joint that an equality moves or holds takes no angle of a profile."""
+    leader = robot.leader(joint)
+    if leader is None:
+        return "the file holds the joint, by an <equality>; change it there"
+    name = robot.joint_name(leader)
+    return f"the joint follows {name}, by an <equality>; give that one's angle"
 
 
 def _leg_rows(robot: PinnedRobot, plans: tuple[LegPlan, LegPlan]) -> Rows:
