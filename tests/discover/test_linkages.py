@@ -13,6 +13,7 @@ from gaitchain.discover.loaded_robot import load_with_findings
 from gaitchain.discover.servos import sum_actuators
 from gaitchain.errors import RobotFileError
 
+LIMITED = mujoco.mjtLimited
 ARM, BACK, UP, ASIDE = 0.03, 0.05, 0.12, 0.03
 KP, KV = 150.0, 4.0
 
@@ -135,18 +136,26 @@ def test_one_crank_turns_its_ankle_by_the_ratio_of_the_arms():
     assert joint.armature[0] == pytest.approx(0.001 * ratio**2, rel=1e-6)
 
 
-@pytest.mark.parametrize(("own", "low"), [((0, 0), -0.3), ((-0.2, 1.2), -0.2)])
-def test_an_ankle_ends_where_its_range_or_its_motors_does(own, low):
+@pytest.mark.parametrize(
+    ("own", "limited", "low"),
+    [
+        ((0, 0), LIMITED.mjLIMITED_AUTO, -0.3),
+        ((-0.2, 1.2), LIMITED.mjLIMITED_AUTO, -0.2),
+        ((-0.2, 1.2), LIMITED.mjLIMITED_FALSE, -0.3),
+    ],
+)
+def test_an_ankle_ends_where_its_range_or_its_motors_does(own, limited, low):
     builder = linked(("pitch",))
     ankle, crank = (
         builder.spec.joint(n[0]) for n in (builder.ankles(0), builder.cranks(0))
     )
-    ankle.range, ankle.limited = own, mujoco.mjtLimited.mjLIMITED_AUTO
+    ankle.range, ankle.limited = own, limited
     crank.range = [-0.5, 1.0]
     fold_linkages(builder.spec)
     model = builder.spec.compile()
     ends = [low, 1.0 * ARM / BACK]
     assert model.joint(ankle.name).range == pytest.approx(ends, rel=1e-6)
+    assert model.joint(ankle.name).limited
 
 
 def test_a_torque_motor_stays_one_with_the_torque_of_its_arm():

@@ -308,7 +308,8 @@ def _drive(spec: Any, turned: Any, motor: Any, seen: _Seen) -> None:
     if np.isfinite(seen.limit):
         servo.forcerange, servo.forcelimited = [-seen.limit, seen.limit], True
     if np.isfinite(seen.span).all() and seen.span[0] < seen.span[1]:
-        turned.range = seen.span
+        # A joint that the file leaves free ends where its motors do all the same.
+        turned.range, turned.limited = seen.span, mujoco.mjtLimited.mjLIMITED_TRUE
     turned.armature += seen.armature
     turned.frictionloss += seen.friction
     turned.damping = np.asarray(turned.damping) + np.eye(3)[0] * seen.joint_damping
