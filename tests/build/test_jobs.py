@@ -5,6 +5,7 @@ import json
 import math
 import os
 from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -195,6 +196,12 @@ def test_two_runs_at_once_do_not_share_a_journal(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["work.jsonl"]
     with journal_of(tmp_path, 1) as second:
         assert second.found == [[1]]
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="a folder without files")
+def test_a_folder_in_which_no_file_can_be_made_is_no_other_run():
+    with pytest.raises(JournalError, match="cannot be written: no file can be made in"):
+        Journal(Path("/proc/work.jsonl"), 1)
 
 
 def test_who_is_refused_before_work_begins_leaves_no_lock(tmp_path):

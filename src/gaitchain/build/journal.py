@@ -186,6 +186,8 @@ def _locked(path: Path) -> FileLock:
         try:
             lock.acquire(blocking=False)
         except Timeout:
+            if not Path(lock.lock_file).exists():  # as in /proc
+                raise FileNotFoundError("no file can be made in that folder") from None
             raise JournalError(
                 f"{path}: another run writes to it; wait for its end, or give another "
                 "-o"
