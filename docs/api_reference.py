@@ -28,6 +28,7 @@ _LIMITS = """
 | lines of a request's head and chunks | %(lines)d; closed |
 | body of a request | %(body_bytes)d bytes; 413 |
 | a request and its answer | %(request_s)g s |
+| new footsteps, of all | %(footsteps_per_s)g a second, %(footsteps)d at once; 429 |
 | message on the stream | %(message_bytes)d bytes |
 | messages of one client | %(messages_per_s)g a second; closed with 1008 |
 | its frames, with pings and fragments | %(frames_per_s)g a second; closed with 1008 |
