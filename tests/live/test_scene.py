@@ -18,10 +18,11 @@ from gaitchain.analysis.walk_metrics import support_region
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.figures.steps import to_world
 from gaitchain.live.messages import Going
-from gaitchain.live.scene import Stage, _quaternion
+from gaitchain.live.scene import Stage
 from gaitchain.live.telemetry_record import record_of
 from gaitchain.messages import Command
 from gaitchain.robot.box_robot import load_box_robot
+from gaitchain.robot.turn import quaternion
 from gaitchain.sim.model import build_model
 from gaitchain.walker.walker import Walker
 from gaitchain.walker.waypoints import Place
@@ -152,7 +153,7 @@ def test_the_quaternion_of_a_turn_is_scipys(seed, part):
     """Of any turn, and of those near half a turn about an axis."""
     exact = np.random.default_rng(seed).normal(size=4) * [part, 1.0, part, 1.0]
     turn = Rotation.from_quat(exact, scalar_first=True)
-    found = Rotation.from_quat(_quaternion(turn.as_matrix()), scalar_first=True)
+    found = Rotation.from_quat(quaternion(turn.as_matrix()), scalar_first=True)
     assert (found * turn.inv()).magnitude() < 1e-14
 
 

@@ -10,7 +10,7 @@ from gaitchain.balance.pose_joints import PoseJoints
 from gaitchain.build.step_meter import StepMeter, StepTerms
 from gaitchain.gait.family import STAND
 from gaitchain.gait.keypose.key_poses import KeyPoses
-from gaitchain.gait.motion import StepMotion, Timing
+from gaitchain.gait.motion import Timing
 from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.sim.world import World
 from gaitchain.walker.keypose_feedback import make_balance
@@ -94,7 +94,5 @@ def _steps(
     ticks = round(timing.step / CONTROL_PERIOD_S)
     time_s: Array = np.arange(ticks, dtype=np.float64) * CONTROL_PERIOD_S
     for step, gait in enumerate(gaits):
-        q = np.stack([poses.q[layer][n] for layer, n in enumerate(gait)])
-        dq = np.stack([poses.dq[layer][n] for layer, n in enumerate(gait)])
-        q_t = StepMotion(timing.key_times, q, dq).at(time_s).q
+        q_t = poses.motion(gait, timing).at(time_s).q
         yield joints.angles(q_t, left_support=step % 2 == 0)

@@ -61,8 +61,8 @@ class WalkResult:
 class PhysicsCost:
     """The cost of gaits measured in MuJoCo, each walk in its own world.
 
-    It is a `CostSource` like `cost.PlannedCost`. The world of the n-th walk depends
-    only on the seed and n, not on the workers.
+    It is called as `keypose.cost.PlannedCost` is, which plans the same. The world of
+    the n-th walk depends only on the seed and n, not on the workers.
     """
 
     poses: GaitPoses

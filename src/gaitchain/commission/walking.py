@@ -39,7 +39,7 @@ class _Watch:
     latest: Telemetry | None = None
     off_deg: float = 0.0
     """Largest mean distance of a joint from its target, over a second or so [deg]."""
-    _mean: object = None
+    _mean: Array | None = None
 
     def publish(self, telemetry: Telemetry) -> None:
         """Remember how far the joints are from their targets."""
@@ -49,9 +49,9 @@ class _Watch:
             return
         off = np.subtract(telemetry.joint_position, telemetry.joint_target)
         off = np.degrees(np.nan_to_num(off))
-        mean = off if self._mean is None else np.asarray(self._mean)
+        mean = off if self._mean is None else self._mean
         self._mean = mean + _part(self.period_s) * (off - mean)
-        self.off_deg = max(self.off_deg, float(np.abs(np.asarray(self._mean)).max()))
+        self.off_deg = max(self.off_deg, float(np.abs(self._mean).max()))
 
     def requests(self) -> list[Request]:
         """Return what is asked now."""

@@ -83,9 +83,9 @@ def _check_count(
     robot: PinnedRobot, joints: tuple[int, ...], idle: tuple[int, ...]
 ) -> None:
     if not _FEWEST <= len(joints) <= _MOST:
-        listed = ", ".join(robot.joint_name(j) for j in joints)
+        names = ", ".join(robot.joint_name(j) for j in joints)
         raise UnfitError(
-            f"a leg has {len(joints)} driven joints ({listed}); walking needs "
+            f"a leg has {len(joints)} driven joints ({names}); walking needs "
             f"{_FEWEST} to {_MOST}, ankle pitch among them{_reasons(robot, idle)}",
             "legs.left and legs.right" if len(joints) + len(idle) >= _FEWEST else None,
         )

@@ -172,9 +172,7 @@ def _stance(rest: RestPose) -> float:
         points.append(foot.xpos + foot.xmat.reshape(3, 3) @ leg.sole.origin)
     left = rest.base_turn[:, 1]
     return float(
-        data.body(rest.found.base).xmat.reshape(3, 3).T[0:3]
-        @ (points[0] - points[1])
-        @ left
+        data.body(rest.found.base).xmat.reshape(3, 3).T @ (points[0] - points[1]) @ left
     )
 
 
@@ -206,7 +204,6 @@ class RestPose:
     def __init__(self, model: Any, found: Findings) -> None:
         self.model, self.found = model, found
         self.data = mujoco.MjData(model)
-        mujoco.mj_resetData(model, self.data)
         own = {name for leg in found.legs for name in leg.joints}
         for joint, angle in found.stand.items():
             self.data.joint(joint).qpos = 0.0 if joint in own else angle
@@ -217,7 +214,6 @@ class RestPose:
         own_axes = np.column_stack([found.forward, left, found.up])
         self.base_turn = own_axes
         self._axes = base.xmat.reshape(3, 3) @ own_axes
-        self._origin = np.zeros(3)
         self._origin = np.mean([self._hip(leg) for leg in found.legs], axis=0)
         inverse = base.xmat.reshape(3, 3).T
         self.base_at = inverse @ (self._origin - base.xpos)

@@ -16,6 +16,7 @@ from gaitchain.gait.family import STAND
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import ABSURD, GRAVITY, Array
+from gaitchain.robot.turn import turn_matrix
 from gaitchain.walker import (
     generator,
     sensor_check,
@@ -23,7 +24,6 @@ from gaitchain.walker import (
     stride_generator,
 )
 from gaitchain.walker.motor_targets import NO_LOAD
-from gaitchain.walker.mounting import turned
 from gaitchain.walker.stride_generator import StrideTables
 
 # Names in C, prefix first, of constants that have their value in a module of Python.
@@ -166,7 +166,7 @@ def _tables_of_robot(library: GaitLibrary, stand: Array) -> Iterator[str]:
     yield table("TORQUE_LOSS", 1.0 / (NO_LOAD * legs.speed_limit))  # 0 without limit
     if found is not None:
         yield table("MOUNTED_OFFSET", found.offset)
-        yield table("MOUNTED_TURN", turned(found.tilt))
+        yield table("MOUNTED_TURN", turn_matrix(found.tilt))
 
 
 def public(name: str, values: Array) -> str:

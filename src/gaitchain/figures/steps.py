@@ -11,7 +11,6 @@ from gaitchain.gait.family import STAND
 from gaitchain.gait.keypose.cost import PlannedCost
 from gaitchain.gait.keypose.key_poses import KeyPoses
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.motion import StepMotion
 from gaitchain.gait.zmp import interpolated_zmp, sole_corners, zmp
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
@@ -96,9 +95,7 @@ def step_plan(
         multi-link model, and the paper's interpolation.
     """
     poses, timing, robot = library.poses_as(KeyPoses), library.timing, library.robot
-    q = np.stack([poses.q[layer][n] for layer, n in enumerate(step.gait)])
-    dq = np.stack([poses.dq[layer][n] for layer, n in enumerate(step.gait)])
-    full = zmp(robot, StepMotion(timing.key_times, q, dq).at(time_s))
+    full = zmp(robot, poses.motion(step.gait, timing).at(time_s))
     states = PlannedCost(poses, timing).key_states(np.array([step.gait]))
     key_zmp = zmp(robot, states)[0]
     return full, interpolated_zmp(timing, key_zmp, time_s)

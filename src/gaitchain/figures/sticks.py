@@ -12,7 +12,6 @@ from gaitchain.figures.style import FEET, MEASURED, Axes, drawing, rounded, writ
 from gaitchain.gait.keypose.key_poses import KeyPoses
 from gaitchain.gait.keypose.primitives import PARAMETERS
 from gaitchain.gait.library import GaitLibrary
-from gaitchain.gait.motion import StepMotion
 from gaitchain.messages import Array
 from gaitchain.robot.kinematics import POINTS, com, points
 from gaitchain.robot.robot import Robot
@@ -51,9 +50,8 @@ def figure_10(out: Path, library: GaitLibrary, gait: Sequence[int]) -> dict[str,
         raise CommandError(
             f"gait {list(gait)}: need one pose per key moment, counts {poses.counts}"
         )
-    q = np.stack([poses.q[layer][n] for layer, n in enumerate(gait)])
-    dq = np.stack([poses.dq[layer][n] for layer, n in enumerate(gait)])
-    motion = StepMotion(timing.key_times, q, dq)
+    motion = poses.motion(gait, timing)
+    q = motion.at(np.array(timing.key_times)).q
     states = motion.at(np.linspace(0.0, timing.step, 151))
     ankle = points(robot.reduced, states.q)[:, -1]
     _draw(out / "fig10.png", robot, q, ankle, timing.key_times)

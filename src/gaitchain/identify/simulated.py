@@ -13,9 +13,9 @@ from gaitchain.identify.log import ExerciseLog, Measured, MotionLog
 from gaitchain.live.exercise import Motion, exercise
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array, Sensors
 from gaitchain.robot.robot import Robot
+from gaitchain.robot.turn import turn_matrix
 from gaitchain.sim.hidden_robot import draw_hidden_robot
 from gaitchain.sim.world import World
-from gaitchain.walker.mounting import turned
 
 _SWAYS = (1.0, 0.5, 0.25)  # parts of the motion, as a robot that falls tries less
 _SETTLE_S = 1.5  # before a log begins
@@ -159,7 +159,7 @@ def _settled(robot: Robot, motion: Motion, lean: Array, world: World) -> MujocoB
     held = motion.support == "held"
     backend = MujocoBackend(robot, replace(world, held=held))
     if held:
-        upright = turned(np.array([*lean, 0.0])).T @ [0.0, 0.0, GRAVITY]
+        upright = turn_matrix(np.array([*lean, 0.0])).T @ [0.0, 0.0, GRAVITY]
         backend.model.opt.gravity = -upright
     backend.connect(motion.targets[0])
     for _ in range(round(_SETTLE_S / CONTROL_PERIOD_S)):

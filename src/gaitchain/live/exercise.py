@@ -15,7 +15,7 @@ from gaitchain.balance.leg_kinematics import Legs, legs_of, posture
 from gaitchain.errors import BackendError
 from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.robot.robot import Robot
-from gaitchain.walker.mounting import turned
+from gaitchain.robot.turn import turn_matrix
 
 Support = Literal["held", "standing"]
 """Whether the trunk is held up, or the robot stands on both feet."""
@@ -174,7 +174,7 @@ def _on_feet(legs: Legs, robot: Robot, way: Array) -> Array:
     stand, count = posture(legs, joints), robot.legs.leg_joints
     found = np.empty((len(way), 2 * count))
     for i, (*moved, roll, pitch, yaw) in enumerate(way.tolist()):
-        back = turned(np.array([roll, pitch, yaw])).T
+        back = turn_matrix(np.array([roll, pitch, yaw])).T
         for leg in range(2):
             own = slice(count * leg, count * (leg + 1))
             ankle = np.ascontiguousarray(back @ (stand.ankles[leg] - moved))

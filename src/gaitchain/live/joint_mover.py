@@ -1,6 +1,5 @@
 """Move the joints of a robot by a list of targets, and stop where anything is wrong."""
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -12,6 +11,7 @@ from gaitchain.live.joint_motion import SLOW, JointLimiter, SmoothMove
 from gaitchain.messages import GRAVITY, Array, JointTargets, Sensors
 from gaitchain.robot.leg_model import LegModel
 from gaitchain.walker.mounting import Mounting
+from gaitchain.walker.upright import tilt_deg
 
 _MOST_LEAN_DEG = 25.0  # of a robot that stands
 _LEAN_S = 0.2  # over which gravity is averaged, longer than a knock
@@ -198,14 +198,9 @@ class JointMover:
     def _check_lean(self, acceleration: Array) -> None:
         felt = np.where(np.isfinite(acceleration), acceleration, self._up)
         self._up += min(self._period_s / _LEAN_S, 1.0) * (felt - self._up)
-        lean_deg = math.degrees(math.acos(_level(self._up)))
+        lean_deg = tilt_deg(self._up)
         if lean_deg > _MOST_LEAN_DEG:
             raise BackendError(
                 f"{self._what} ended: the robot leans by {lean_deg:.0f} deg, at "
                 f"most {_MOST_LEAN_DEG:.0f}; stand it up, or mend its zeros first"
             )
-
-
-def _level(up: Array) -> float:
-    """Return the cosine of the angle between the trunk's axis and gravity."""
-    return float(np.clip(up[2] / max(float(np.linalg.norm(up)), 1e-6), -1.0, 1.0))

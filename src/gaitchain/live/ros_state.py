@@ -12,9 +12,11 @@ import numpy as np
 from gaitchain.backends.base import LinkHealth
 from gaitchain.backends.ros import messages as ros
 from gaitchain.live.messages import Mode, Telemetry
+from gaitchain.live.shown_joints import shown_joints
 from gaitchain.messages import Array
 from gaitchain.robot.feet import FootFinder
 from gaitchain.robot.robot import Robot
+from gaitchain.robot.turn import quaternion, turn_matrix
 from gaitchain.robot.urdf import (
     BASE,
     SOLES,
@@ -23,7 +25,6 @@ from gaitchain.robot.urdf import (
     link_parents,
     sole_origins,
 )
-from gaitchain.walker.mounting import turned
 from gaitchain.walker.odometry import Odometry
 
 ODOM, FOOTPRINT = "odom", "base_footprint"
@@ -49,7 +50,11 @@ class RosFrames:
         self._at = [ros.Vector3(*at) for at in full.at.reshape(-1, 3).tolist()]
         self._pairs = tuple(zip(link_parents(robot), link_names(robot), strict=True))
         self._soles = tuple(
-            (parent, sole, ros.Transform(ros.Vector3(*at.tolist()), quaternion(turn)))
+            (
+                parent,
+                sole,
+                ros.Transform(ros.Vector3(*at.tolist()), quaternion_of(turn)),
+            )
             for parent, sole, at, turn in zip(
                 last_links(robot),
                 SOLES,
@@ -62,7 +67,7 @@ class RosFrames:
     def links(self, t: Telemetry) -> Iterator[ros.TransformStamped]:
         """Yield the links of the legs; an unmeasured joint counts as at its target."""
         stamp = ros.Time.at(t.stamp_ns)
-        half = 0.5 * self.joints(t)
+        half = 0.5 * shown_joints(t, self._stand)
         turns = np.column_stack((np.sin(half)[:, None] * self._axes, np.cos(half)))
         for (parent, child), at, turn in zip(
             self._pairs, self._at, turns.tolist(), strict=True
@@ -84,25 +89,16 @@ class RosFrames:
             ros.Header(stamp, BASE), FOOTPRINT, self._footprint(t)
         )
 
-    def joints(self, t: Telemetry) -> Array:
-        """Return joint angles (2 n,), of the target or a stand where unknown [rad]."""
-        joints = self._stand
-        for angles in (t.joint_target, t.joint_position):
-            values = np.array(angles, dtype=float)
-            if values.shape == joints.shape:
-                joints = np.where(np.isfinite(values), values, joints)
-        return joints
-
     def _footprint(self, t: Telemetry) -> ros.Transform:
         """Return the middle between the soles, on the lower one's height, level."""
         roll, pitch = _tilt(t)
-        level = turned(np.array([roll, pitch, 0.0]))
-        found = self._feet.find(self.joints(t))
+        level = turn_matrix(np.array([roll, pitch, 0.0]))
+        found = self._feet.find(shown_joints(t, self._stand))
         soles = found.ankles - self._ankle * found.turns[:, :, 2]
         points = soles @ level.T
         middle = np.array([*points[:, :2].mean(axis=0), points[:, 2].min()])
         return ros.Transform(
-            ros.Vector3(*(level.T @ middle).tolist()), quaternion(level.T)
+            ros.Vector3(*(level.T @ middle).tolist()), quaternion_of(level.T)
         )
 
 
@@ -195,26 +191,14 @@ def diagnostics(
     return ros.DiagnosticArray(ros.Header(ros.Time.at(t.stamp_ns)), status)
 
 
-def quaternion(turn: Array) -> ros.Quaternion:
-    """Return the quaternion of a rotation matrix.
-
-    The columns of 4 q q^T are q times each of its numbers; the longest loses no digits.
-    """
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = turn.tolist()
-    outer = np.array(
-        [
-            [1.0 + xx - yy - zz, xy + yx, xz + zx, zy - yz],
-            [xy + yx, 1.0 - xx + yy - zz, yz + zy, xz - zx],
-            [xz + zx, yz + zy, 1.0 - xx - yy + zz, yx - xy],
-            [zy - yz, xz - zx, yx - xy, 1.0 + xx + yy + zz],
-        ]
-    )
-    column = outer[np.argmax(np.diagonal(outer))]
-    return ros.Quaternion(*(column / np.linalg.norm(column)).tolist())
+def quaternion_of(turn: Array) -> ros.Quaternion:
+    """Return the quaternion of a rotation matrix (3, 3), as ROS has it."""
+    w, x, y, z = quaternion(turn).tolist()
+    return ros.Quaternion(x, y, z, w)
 
 
 def _turn_of(roll: float, pitch: float, yaw: float) -> ros.Quaternion:
-    return quaternion(turned(np.array([roll, pitch, yaw])))
+    return quaternion_of(turn_matrix(np.array([roll, pitch, yaw])))
 
 
 def _tilt(t: Telemetry) -> tuple[float, float]:

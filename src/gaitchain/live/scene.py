@@ -10,13 +10,14 @@ from gaitchain.analysis.record_columns import columns
 from gaitchain.analysis.recorder import truth_columns
 from gaitchain.gait.zmp import sole_corners, support_polygon
 from gaitchain.live.messages import Telemetry
+from gaitchain.live.shown_joints import shown_joints
 from gaitchain.messages import Array
 from gaitchain.robot.feet import FootFinder
 from gaitchain.robot.robot import Robot
-from gaitchain.walker import waypoints
+from gaitchain.robot.turn import quaternion
+from gaitchain.walker.waypoints import Place
 
 Point = tuple[float, float]
-Place = tuple[float, float, float]
 _SINGLE = {"ls": (0,), "rs": (1,)}  # feet on the ground by plan; else both
 _BASE = 7  # generalised positions of the trunk
 _RECENT_S = 0.5  # the truth of an earlier row still says where the feet are
@@ -86,14 +87,14 @@ class Stage:
         """Return the trunk, and one row as `truth_columns` has it."""
         foot = int(telemetry.support.startswith("r"))
         rows = self._feet_before(telemetry)
-        found = self._feet.find(self.joints(telemetry))
+        found = self._feet.find(shown_joints(telemetry, self._stand))
         sole = rows["turn"][0, foot].reshape(3, 3)
         turn = sole @ found.turns[foot].T  # of the pelvis
         at = rows["place"][0, foot] - turn @ found.ankles[foot]
-        quaternion = _quaternion(turn)
+        attitude = quaternion(turn)
         rows["place"] = (at + found.ankles @ turn.T)[None]
         rows["turn"] = (turn @ found.turns).reshape(1, 2, 9)
-        return (*at.tolist(), *quaternion.tolist()), rows
+        return (*at.tolist(), *attitude.tolist()), rows
 
     def _feet_before(self, telemetry: Telemetry) -> dict[str, Array]:
         """Return the feet of the latest truth; without one, those of a stand."""
@@ -113,15 +114,6 @@ class Stage:
             "twist": np.full((1, 2, 6), math.nan),
             "com": np.full((1, 3), math.nan),
         }
-
-    def joints(self, telemetry: Telemetry) -> Array:
-        """Return joint angles (2 n,), of the target or a stand where unknown [rad]."""
-        joints = self._stand
-        for angles in (telemetry.joint_target, telemetry.joint_position):
-            values = np.array(angles, dtype=np.float64)
-            if values.shape == joints.shape:
-                joints = np.where(np.isfinite(values), values, joints)
-        return joints
 
     def _region(self, support: str, feet: Array) -> Any:
         if not np.isfinite(feet).all():
@@ -144,27 +136,8 @@ def _goal(telemetry: Telemetry, feet: Array) -> Place | None:
         return None
     foot = int(telemetry.support.startswith("r"))
     off = going.goal.seen_from(stood[foot])
-    seen = waypoints.Place(*feet[foot].tolist())
-    x, y, _ = seen.moved(off.x, off.y)
-    return x, y, seen.yaw + off.yaw
-
-
-def _quaternion(turn: Array) -> Array:
-    """Return the quaternion of a rotation matrix, (4,) w, x, y, z.
-
-    The columns of 4 q q^T are q times each of its numbers; the longest loses no digits.
-    """
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = turn.tolist()
-    outer = np.array(
-        [
-            [1.0 + xx + yy + zz, zy - yz, xz - zx, yx - xy],
-            [zy - yz, 1.0 + xx - yy - zz, xy + yx, xz + zx],
-            [xz - zx, xy + yx, 1.0 - xx + yy - zz, yz + zy],
-            [yx - xy, xz + zx, yz + zy, 1.0 - xx - yy + zz],
-        ]
-    )
-    column = outer[np.argmax(np.diagonal(outer))]
-    return np.asarray(column / np.linalg.norm(column))
+    seen = Place(*feet[foot].tolist())
+    return seen.moved(off.x, off.y)._replace(yaw=seen.yaw + off.yaw)
 
 
 def _nested(array: Array) -> Any:

@@ -1,7 +1,7 @@
 """What an agent can do: change the walk's targets, its command, or replace it."""
 
 from abc import ABC, abstractmethod
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -101,8 +101,6 @@ class CommandControl(ResidualControl):
 class TargetControl(Control):
     """No walk: the action is the joint targets, and the phase a clock."""
 
-    _clock_s: ClassVar[float] = CONTROL_PERIOD_S
-
     def __init__(self, library: GaitLibrary, stand: Array) -> None:
         """Map -1, 0, 1 to a joint's lower limit, its standing angle, its upper limit.
 
@@ -128,7 +126,7 @@ class TargetControl(Control):
 
     def act(self, action: Array, sensors: Sensors) -> Array:
         """Return the targets."""
-        self._time_s += self._clock_s
+        self._time_s += CONTROL_PERIOD_S
         return self.scale.targets(action)
 
     @property

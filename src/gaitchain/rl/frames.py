@@ -150,7 +150,7 @@ class Frames:
         """Add the state of the simulation.
 
         Args:
-            target: (2 n,) of the legs [rad].
+            target: (m,) of the legs' joints [rad].
             phase: see `Motion`.
         """
         stage, data = self._stage, self._data

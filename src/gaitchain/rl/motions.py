@@ -166,7 +166,7 @@ class _Walk:
             self.backend.write(found[0])
 
     def next_target(self) -> tuple[Array, float]:
-        """Return the targets (n,) [rad] and the phase of this control period."""
+        """Return the targets (m,) [rad] and the phase of this control period."""
         ready, self._ready = self._ready, None
         if ready is not None:
             return ready

@@ -17,12 +17,14 @@ import mujoco
 import numpy as np
 
 from gaitchain.live.messages import Telemetry
-from gaitchain.live.scene import Place, Point, Scene, Stage
+from gaitchain.live.scene import Point, Scene, Stage
+from gaitchain.live.shown_joints import shown_joints
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.looks import Look
 from gaitchain.sim.model import build_model
 from gaitchain.sim.scene_meshes import BLUE, RED, WORLD, draw_bodies, segments
+from gaitchain.walker.waypoints import Place
 
 if TYPE_CHECKING:
     from viser import (
@@ -125,7 +127,8 @@ class LiveView:
             return np.array(whole or self._data.qpos)
         if telemetry.truth is not None:
             return np.array(telemetry.truth.qpos)
-        return np.concatenate([scene.trunk, self._stage.joints(telemetry)])
+        joints = shown_joints(telemetry, self._robot.legs.stand)
+        return np.concatenate([scene.trunk, joints])
 
     def _place_bodies(self) -> None:
         for body, frame in self._bodies.items():  # viser sends only what has moved

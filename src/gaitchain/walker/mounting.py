@@ -10,6 +10,7 @@ import numpy as np
 
 from gaitchain.messages import Array, JointTargets, Sensors
 from gaitchain.robot.identified import Identified
+from gaitchain.robot.turn import turn_matrix
 
 
 class Mounting:
@@ -17,7 +18,7 @@ class Mounting:
 
     def __init__(self, found: Identified) -> None:
         """Take the offsets of the encoders and the turn of the IMU."""
-        self._offset, self._turn = found.offset, turned(found.tilt)
+        self._offset, self._turn = found.offset, turn_matrix(found.tilt)
 
     def sensed(self, sensors: Sensors) -> Sensors:
         """Return the sensors of a robot that is mounted as in its file."""
@@ -38,12 +39,3 @@ class Mounting:
         if motors is not None:
             motors = replace(motors, position=motors.position + self._offset)
         return replace(targets, position=targets.position + self._offset, motors=motors)
-
-
-def turned(angles: Array) -> Array:
-    """Return R_z(yaw) R_y(pitch) R_x(roll), (3, 3), of angles (3,) [rad]."""
-    (sx, sy, sz), (cx, cy, cz) = np.sin(angles), np.cos(angles)
-    roll = np.array([[1.0, 0.0, 0.0], [0.0, cx, -sx], [0.0, sx, cx]])
-    pitch = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
-    yaw = np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]])
-    return np.asarray(yaw @ pitch @ roll)

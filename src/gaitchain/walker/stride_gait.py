@@ -69,7 +69,7 @@ class StrideGait(Gait):
 
     @property
     def stand(self) -> Array:
-        """(12,) joint angles of the standing pose [rad]."""
+        """(2 n,) joint angles of the standing pose [rad]."""
         return self._walk.stand
 
     @property

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,20 +16,6 @@ from gaitchain.robot.robot import Robot
 
 Gaits = NDArray[np.int64]
 _CHUNK = 500  # gaits per batch: fastest when a batch fits the CPU cache
-
-
-class CostSource(Protocol):
-    """Source of the cost of gaits: planned here, or measured by `build.rollout`."""
-
-    def __call__(self, gaits: Gaits) -> Array:
-        """Compute the cost of gaits that are linked to walks.
-
-        Args:
-            gaits: (W, S, 4) pose indices, W walks of S steps.
-
-        Returns:
-            (W, S) costs in [0, 1]; NaN for steps after a fall.
-        """
 
 
 def saturate(displacement: ArrayLike, scale: float) -> Array:

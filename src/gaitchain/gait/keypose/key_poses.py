@@ -18,6 +18,7 @@ from gaitchain.gait.keypose.primitives import (
     compose,
     compose_rates,
 )
+from gaitchain.gait.motion import StepMotion, Timing
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
 
@@ -67,6 +68,19 @@ class KeyPoses:
     def step_lengths(self) -> Array:
         """(N_4,) step length of each candidate of the last layer [m]."""
         return self.foot_x[-1]
+
+    def motion(self, gait: Sequence[int], timing: Timing) -> StepMotion:
+        """Return the motion of a step through its four key poses.
+
+        Args:
+            gait: (4,) indices of the key poses, one per layer.
+            timing: of the step.
+        """
+        q, dq = (
+            np.stack([rows[n] for rows, n in zip(layers, gait, strict=True)])
+            for layers in (self.q, self.dq)
+        )
+        return StepMotion(timing.key_times, q, dq)
 
     def keep(self, kept: Sequence[NDArray[np.int64]]) -> "KeyPoses":
         """Return the set of the candidates with these indices, per layer."""

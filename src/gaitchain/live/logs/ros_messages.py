@@ -14,13 +14,13 @@ from gaitchain.live.ros_state import (
     diagnostics,
     imu,
     odometry,
-    quaternion,
+    quaternion_of,
 )
 from gaitchain.live.scene import Scene, Stage
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
+from gaitchain.robot.turn import turn_matrix
 from gaitchain.robot.urdf import BASE, urdf_of
-from gaitchain.walker.mounting import turned
 
 TOPICS: dict[str, type[ros.Message]] = {
     "/joint_states": ros.JointState,
@@ -128,7 +128,7 @@ class TopicBuilder:
         child = BASE
         if t.odometry is not None:
             child, by_steps = ODOM, np.eye(4)
-            by_steps[:3, :3] = turned(np.array(t.odometry.attitude))
+            by_steps[:3, :3] = turn_matrix(np.array(t.odometry.attitude))
             by_steps[:3, 3] = t.odometry.place
             moved = trunk @ np.linalg.inv(by_steps)
             if t.truth is None:
@@ -136,7 +136,7 @@ class TopicBuilder:
             else:
                 trunk = moved
         place = ros.Transform(
-            ros.Vector3(*trunk[:3, 3].tolist()), quaternion(trunk[:3, :3])
+            ros.Vector3(*trunk[:3, 3].tolist()), quaternion_of(trunk[:3, :3])
         )
         header = _header(t.stamp_ns, _WORLD)
         return ros.TransformStamped(header, child, place), points
