@@ -60,7 +60,7 @@ def walk(library: GaitLibrary, way: str, run: tuple[int, int]) -> Drift:
     walker.keep_odometry()
     backend = MujocoBackend(library.robot, world)
     stand_still(walker, backend)
-    near, slow_s = near_of(library.robot.reduced.leg_length), 2 * library.timing.step
+    near, slow_s = near_of(library), 2 * library.timing.step
     start, began = true_place(backend), by_odometry(walker)
     square, ticks = 0.0, 0
     for goal in WAYS[way]:

@@ -56,7 +56,7 @@ def walk(
     world = draw_world(library, run, rng, fixed=fixed)
     walker, backend = Walker(library), MujocoBackend(library.robot, world)
     stand_still(walker, backend)
-    near = near_of(library.robot.reduced.leg_length)
+    near = near_of(library)
     slow_s, goal, start = 2.0 * library.timing.step, Place(), place_of(backend)
     missed: list[tuple[float, float]] = []
     look, change = (round(s / CONTROL_PERIOD_S) for s in (LOOK_S, EVERY_S))

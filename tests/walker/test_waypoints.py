@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from ideal_steps import walk_way
 
 from gaitchain.analysis.simulated_walk import run_waypoints
 from gaitchain.backends.mujoco import MujocoBackend
@@ -234,13 +235,73 @@ def test_it_stops_where_the_rest_cannot_be_made_up(x, y):
     assert abs(robot.x - x) < 0.03
 
 
+STRIDES = read_library("res").poses.strides
+LACKS = {
+    "nothing": np.zeros(len(STRIDES), dtype=bool),
+    "steps aside": STRIDES[:, 1] > 0.0,
+    "steps back": STRIDES[:, 0] < 0.0,
+    "both": (STRIDES[:, 1] > 0.0) | (STRIDES[:, 0] < 0.0),
+    "turns": STRIDES[:, 2] != 0.0,
+}
+
+
+def lacking(what):
+    """RES's library, of which no step with such strides has passed."""
+    library = read_library("res")
+    kept = np.outer(~LACKS[what], ~LACKS[what])
+    runs, passes = (kept * n for n in (library.pair_runs, library.pair_passes))
+    return replace(library, pair_runs=runs, pair_passes=passes)
+
+
+@pytest.mark.parametrize("what", LACKS)
+def test_it_arrives_by_steps_whichever_direction_its_library_lacks(what):
+    """Where it has to turn for the last centimetres it turned on the spot for ever."""
+    library, rng = lacking(what), np.random.default_rng(3)
+    near = near_of(library)
+    leg = library.robot.reduced.leg_length
+    wide = what not in ("nothing", "turns")
+    assert near.distance == pytest.approx((0.06 if wide else 0.02) * leg)
+    for seed in range(12):
+        goal = Place(*rng.uniform(-1.5, 1.5, 2), rng.uniform(-3.1, 3.1))
+        if what == "turns":
+            goal = goal._replace(yaw=0.0)
+        check_way(Place(), goal, library.command_range, near)
+        stands = walk_way(library, Way.of(library, goal), 200, 0.003, seed)
+        assert stands is not None, f"it never stops at {goal}"
+        assert near.holds(goal.seen_from(stands))
+
+
+@pytest.mark.parametrize(
+    ("most", "place", "goal"),
+    [
+        (
+            CommandRange((-0.1, 0.4), (-0.1, 0.1)),
+            Place(1.0, 0.0, math.radians(-2.1)),
+            Place(2.0),
+        ),
+        (
+            CommandRange((0.0, 0.4), (0.0, 0.0), (0.0, 1.0)),
+            Place(1.0, 0.05, 0.1),
+            Place(2.0),
+        ),
+    ],
+)
+def test_who_lost_its_way_by_a_slip_goes_as_near_as_it_can(most, place, goal):
+    """It stood where it was, metres short."""
+    way = Way(goal, most, SLOW_S, Near(0.02, math.radians(2.0)))
+    assert way.command(place, stepping=True).vx > 0.3
+    stands = obey(way, place, (0.0, 0.0))
+    assert abs(goal.seen_from(stands).x) < 0.02
+    assert not way.ends_at(stands)
+
+
 def test_a_real_walk_ends_where_it_was_to(brisk):
     goals = (Place(0.3, 0.1, math.radians(20.0)), Place(0.1, -0.1, 0.0))
     walker = Walker(brisk)
     backend = MujocoBackend(brisk.robot, World(model_error=0.1, seed=5))
     record, visits = run_waypoints(walker, backend, goals)
     assert record.fell_at_s is None
-    near = near_of(brisk.robot.reduced.leg_length)
+    near = near_of(brisk)
     for visit, goal in zip(visits, goals, strict=True):
         assert visit.goal == goal
         assert visit.arrived

@@ -129,8 +129,7 @@ def run_waypoints(
         walker: a walker of strides in its initial state.
         backend: the simulator.
         goals: the way points, from where the robot stands.
-        near: how near a way point counts as there; by default 0.02 leg and 2
-            deg.
+        near: how near a way point counts as there; see `Walker.go_to`.
         seconds: time limit for each; by default 60 s and twice the time that the way
             takes at full speed [s].
         crouch: hips lower by this on the way [m].

@@ -26,7 +26,8 @@ class Trip:
         """Stay where it is."""
         self._walker = walker
         leg = walker.library.robot.reduced.leg_length
-        self._passed, self._there = Near(_PASSED * leg, math.pi), near_of(leg)
+        self._passed = Near(_PASSED * leg, math.pi)
+        self._there = near_of(walker.library)
         self._stops = Near(_STOPS * _PASSED * leg, math.pi)
         self._errand: Errand | None = None
         self._places = deque[Place]()  # still to come, the next one first

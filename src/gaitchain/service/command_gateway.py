@@ -147,7 +147,7 @@ class CommandGateway:
     def _check_way(self, telemetry: Telemetry, goal: Place) -> None:
         """Refuse a place without a way; the loop looks again, but cannot answer."""
         assert telemetry.place is not None  # whoever calls has seen that
-        near = near_of(self._library.robot.reduced.leg_length)
+        near = near_of(self._library)
         try:
             check_way(telemetry.place, goal, self._span, near)
         except CommandError as error:

@@ -228,7 +228,8 @@ class Walker:
         Args:
             goal: x and y of the middle between the feet, and heading, from where the
                 robot stood at its start or last `reset` [m, m, rad].
-            near: how near counts as there; by default 0.02 leg and 2 deg.
+            near: how near counts as there; by default 0.02 leg and 2 deg, or
+                0.06 leg where the library does not walk to all sides.
             crouch: hips lower by this on the way [m].
 
         Raises:

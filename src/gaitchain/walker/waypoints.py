@@ -44,7 +44,9 @@ ORIGIN = Place()
 """Where a robot stands at its start."""
 _SLOW = 2.0  # steps: the rest of a way is made in no less
 _NEAR, _NEAR_TURN = 0.02, math.radians(2.0)  # of the leg
+_NEAR_FACING = 0.06  # of who has to face where it goes: each turn moves it by 0.02
 _SURELY = 0.5  # of what is near enough: there a robot stops
+_LEFT = math.sqrt(1.0 - _SURELY**2)  # of it: what may be left beside that
 _FURTHEST_M = 1000.0
 _DIRECTIONS = (
     ("back", "ahead"),
@@ -53,9 +55,15 @@ _DIRECTIONS = (
 )
 
 
-def near_of(leg_length: float) -> "Near":
-    """Return how near a place counts as there for a robot by its leg's length [m]."""
-    return Near(_NEAR * leg_length, _NEAR_TURN)
+def near_of(library: GaitLibrary) -> "Near":
+    """Return how near a place counts as there for the robot of a library.
+
+    Who does not walk to all sides has to turn for what is left of a way, and a turn on
+    the spot moves the robot, too.
+    """
+    everywhere = all(end for ends in library.command_range.ends[:2] for end in ends)
+    part = _NEAR if everywhere else _NEAR_FACING
+    return Near(part * library.robot.reduced.leg_length, _NEAR_TURN)
 
 
 def check_place(place: Place, name: str = "goal") -> None:
@@ -183,7 +191,7 @@ class Way:
     ) -> Self:
         """Set out for a place with a library of strides; see `Walker.go_to`."""
         if near is None:
-            near = near_of(library.robot.reduced.leg_length)
+            near = near_of(library)
         slow_s, slide = _SLOW * library.timing.step, _SLOW * library.slides.steps.each
         return cls(goal, library.command_range, slow_s, near, slide, crouch)
 
@@ -196,7 +204,7 @@ class Way:
 
         It is infinite where the range of the commands has no such way.
         """
-        off = self._off(place)
+        off = _needed(self.goal.seen_from(place), self._most, self.near)
         facing = _time_facing(off, self._most, self._slow_s)
         return min(_time(off, self._most), facing)
 
@@ -230,8 +238,17 @@ class Way:
         self._expected = None
 
     def _off(self, place: Place) -> Place:
-        """Return the goal from a place, as far as it is to be made up."""
-        return _needed(self.goal.seen_from(place), self._most, self.near)
+        """Return the goal from a place, as far as it is to be made up.
+
+        A little that the range lacks is left: who turned for it would never be done.
+        Where there is no way any more, as after a slip of who cannot turn, the robot
+        goes as near as it can.
+        """
+        seen = self.goal.seen_from(place)
+        off = _without(seen, self._most, Near(*(_LEFT * most for most in self.near)))
+        if _has_way(off, self._most):
+            return off
+        return _without(seen, self._most, Near(math.inf, math.inf))
 
 
 def steer(off: Place, most: CommandRange, slow_s: float) -> Command:
@@ -267,8 +284,11 @@ def _needed(off: Place, most: CommandRange, near: Near) -> Place:
 
     A robot that cannot turn is never quite in the heading of its goal.
     """
-    if _has_way(off, most):
-        return off
+    return off if _has_way(off, most) else _without(off, most, near)
+
+
+def _without(off: Place, most: CommandRange, near: Near) -> Place:
+    """Leave out what the range lacks, if it is no more than that."""
     enough = near.distance, near.distance, near.turn
     parts = zip(off, most.parts(Command(*off)), enough, strict=True)
     return Place(
