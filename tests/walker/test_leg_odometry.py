@@ -15,6 +15,7 @@ from gaitchain.gait.zmp import Support
 from gaitchain.messages import Command
 from gaitchain.walker.leg_odometry import LegOdometry
 from gaitchain.walker.walker import Walker
+from gaitchain.walker.waypoints import Place
 
 
 @pytest.fixture(scope="module")
@@ -81,6 +82,20 @@ def test_a_reset_begins_anew(walk, library):
     assert walker.odometry == fresh
     assert fresh.place[:2] == pytest.approx((0.0, 0.0), abs=0.1)
     assert fresh.distance == 0.0
+
+
+@pytest.mark.parametrize("support", [None, Support.LEFT_SINGLE])
+def test_odometry_that_begins_on_the_way_does_not_jump(library, support):
+    """All the heading of before counted as motion of the first control period."""
+    at, stand = Place(2.0, -1.0, 2.5), np.asarray(library.robot.legs.stand)
+    odometry = LegOdometry(library, 0.01, at)
+    middle = LegOdometry(library, 0.01).latest.place[:2]
+    for _ in range(3):
+        odometry.update(stand, Attitude(yaw=2.5), support)
+    found = odometry.latest
+    assert found.place[:2] == pytest.approx(at.moved(*middle)[:2], abs=1e-6)
+    assert np.abs(found.velocity).max() < 1e-4
+    assert found.covariance[5] < math.radians(0.5) ** 2
 
 
 @pytest.mark.parametrize("yaw", [1.5, None])

@@ -45,7 +45,8 @@ class BuildConfig:
     profile: str | None = None
     """TOML file that overrides what is found in the robot's MJCF or URDF."""
     poses_per_layer: tuple[int, int, int, int] | None = None
-    """Candidates per key moment; those of the preset by default."""
+    """Candidates per key moment; those of the preset by default. Of fewer strides than
+    a preset has, the furthest are left out, so that the robot walks more slowly."""
     servo_gain: Annotated[float | None, Limits(0.01, 100.0)] = None
     """Part of the file's servo stiffness and damping to walk with; by default all of
     it; half or twice where no walk holds with that, and walks do with the other."""

@@ -103,7 +103,7 @@ def measure_seeds(library: GaitLibrary) -> dict[str, str]:
         "pushed from each side: world and moment": f"({_push_seed(library)}, n)",
         "stopping, and pushed too hard: numbers of its world": f"({short})",
         "the same: commands, and which world and contact model": f"({short}, 1)",
-        "pushed too hard: its moment": f"({seed}, {_APART} + n)",
+        "pushed too hard: its moment": f"({short}, 2)",
     }
 
 
@@ -129,7 +129,7 @@ class _Course:
 
     def pushed(self, number: int, direction_deg: float, j50: Impulse) -> DrawnWalk:
         drawn = self.short(number)
-        rng = np.random.default_rng((self._entropy, _APART + number))
+        rng = np.random.default_rng((self._entropy, BANK, _APART + number, 2))
         at_s = float(rng.uniform(*_PUSHED_S))
         push = Push(_TOO_HARD * j50.ns, direction_deg, at_s)
         world = replace(drawn.in_world, push=(*drawn.in_world.push, push))

@@ -63,12 +63,15 @@ _DOUBLE = (Support.LEFT_TO_RIGHT, Support.RIGHT_TO_LEFT)
 class LegOdometry:
     """Adds up the way of the trunk, one control period at a time."""
 
-    def __init__(self, library: GaitLibrary, period_s: float) -> None:
-        """Stand at the origin.
+    def __init__(
+        self, library: GaitLibrary, period_s: float, at: Place = ORIGIN
+    ) -> None:
+        """Stand at a place.
 
         Args:
             library: the robot, and how its feet slide.
             period_s: between two calls of `update` [s].
+            at: where the middle between the feet is, and the heading.
         """
         robot = library.robot
         self._leg = robot.reduced.leg_length
@@ -77,15 +80,15 @@ class LegOdometry:
         self._stand = np.asarray(robot.legs.stand, dtype=float)
         self._part = period_s / (period_s + _SMOOTH_S)
         self._of_step = period_s / (period_s + self._step_s)
-        self.reset()
+        self.reset(at)
 
-    def reset(self) -> None:
-        """Stand at the origin again."""
+    def reset(self, at: Place = ORIGIN) -> None:
+        """Stand at a place, by default the origin, and know it exactly."""
         self._distance = 0.0
         # How the place and heading change with what may be off: scale, veer, turns,
         # what moves the trunk aside, and x, y and heading where a fall ended.
         self._effect = np.zeros((_SOURCES + 3, 3))
-        self._begin(ORIGIN)
+        self._begin(at)
 
     def rise(self, yaw: float | None) -> None:
         """Stand again, where the robot fell: the feet's middle is that of before.

@@ -187,9 +187,12 @@ class Walker:
         self._lying.feel(believed, measured="angular_velocity" not in bad)
 
     def keep_odometry(self) -> None:
-        """Keep up `odometry` from the next `step` on; key poses have none."""
-        if self.gait.place is not None:
-            self._odometry = LegOdometry(self.library, self.period_s)
+        """Keep up `odometry` from the next `step` on; key poses have none.
+
+        It begins at `place`, with no uncertainty.
+        """
+        if self.place is not None:
+            self._odometry = LegOdometry(self.library, self.period_s, self.place)
 
     def command(self, command: Command) -> Command:
         """Set the command for all steps from the next one on.
