@@ -20,7 +20,7 @@ import numpy as np
 from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.jobs import run_jobs
-from gaitchain.build.push import impulse_scale
+from gaitchain.build.push import impulse_unit_ns
 from gaitchain.build.trial import draw_world, without_caution
 from gaitchain.build.workers import available_cores
 from gaitchain.gait.library import GaitLibrary
@@ -116,7 +116,7 @@ def held_walk(
         vx: speed over the fastest one.
     """
     library, rng = variant.library, np.random.default_rng(run)
-    scale_ns, leg = impulse_scale(library)[2], library.robot.reduced.leg_length
+    scale_ns, leg = impulse_unit_ns(library), library.robot.reduced.leg_length
     disturbed: dict[str, Any] = {
         "blocks": {"blocks_m": BLOCKS * leg},
         "punches": {"punches": Punches(PUNCHED * scale_ns)},
@@ -150,7 +150,7 @@ def held(variant: Variant, run: tuple[int, int], part: float, vx: float) -> list
     library, rng = variant.library, np.random.default_rng(run)
     world = draw_world(library, run, rng)
     at_s = round(BEFORE_S + float(rng.uniform(0.0, 2.0)) * library.timing.step, 2)
-    impulse_ns = part * impulse_scale(library)[2]
+    impulse_ns = part * impulse_unit_ns(library)
     speed = Command(vx * library.command_range.vx[1])
     walker = Walker(library, require_qualified=False)
     found = []

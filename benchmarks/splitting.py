@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from gaitchain.build.jobs import run_jobs
-from gaitchain.build.push import impulse_scale
+from gaitchain.build.push import impulse_unit_ns
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import load_library
 from gaitchain.proof.proof_walks import mild_cells
@@ -43,7 +43,7 @@ class Compared:
         self.walked = Disturbed(self.library, float(hardest), options.slices)
         self.entropy, self.options = 1000 + number, options
         self.cells = mild_cells(self.library)
-        self.scale_ns = impulse_scale(self.library)[2]
+        self.scale_ns = impulse_unit_ns(self.library)
 
     def walk_all(self, seeds):
         """Give the levels of paths."""

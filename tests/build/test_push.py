@@ -18,9 +18,10 @@ from gaitchain.build.push import (
     PushResult,
     PushTest,
     _bisect,
-    impulse_scale,
+    impulse_unit_ns,
     judge,
     run_pushes,
+    size_of,
 )
 from gaitchain.build.trial import draw_world
 from gaitchain.cli import run
@@ -71,7 +72,7 @@ def test_every_side_has_the_same_runs(pushed):
 def test_the_robot_falls_after_more_and_not_after_less(library, speed, pushed):
     test = pushed[1]
     world = draw_world(library, (3, 1), np.random.default_rng((3, 1)))
-    fell, step_ns = [], RESOLUTION * impulse_scale(library)[2]
+    fell, step_ns = [], RESOLUTION * impulse_unit_ns(library)
     for impulse in (test.critical_ns - step_ns, test.critical_ns + step_ns):
         push = Push(impulse, test.direction_deg, test.at_s)
         backend = MujocoBackend(library.robot, replace(world, push=(push,)))
@@ -131,7 +132,7 @@ def test_more_runs_make_the_interval_smaller():
 
 
 def test_the_scale_of_impulses(library):
-    mass, height, scale = impulse_scale(library)
+    mass, height, scale = size_of(library)
     assert mass == library.robot.reduced.mass
     assert 0.4 < height < 0.7
     assert scale == pytest.approx(mass * math.sqrt(9.81 * height))

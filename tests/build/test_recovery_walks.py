@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gaitchain.build.families import build_of
-from gaitchain.build.push import impulse_scale
+from gaitchain.build.push import impulse_unit_ns
 from gaitchain.build.recovery_walks import _draw_world, _walk_on, recover
 from gaitchain.build.workers import Crew
 from gaitchain.cli.libraries import shipped_library
@@ -15,7 +15,7 @@ from gaitchain.sim.world import World
 
 LIBRARY = replace(load_library(shipped_library()), recovery=None)
 WORLDS = build_of(LIBRARY.poses).training_worlds(LIBRARY.poses, 150.0)
-SCALE_NS, LEG = impulse_scale(LIBRARY)[2], LIBRARY.robot.reduced.leg_length
+SCALE_NS, LEG = impulse_unit_ns(LIBRARY), LIBRARY.robot.reduced.leg_length
 
 
 def crew(workers, told=None):

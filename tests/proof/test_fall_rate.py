@@ -129,7 +129,7 @@ def test_whoever_falls_is_told_so_and_where(monkeypatch):
         assert 0 < s.falls <= s.walked
         assert 0.0 <= s.low < s.falls / s.walked <= s.high
     plain = LIBRARY.proven(None)
-    cells, scale_ns = proof_walks.mild_cells(plain), proof_walks.impulse_scale(plain)[2]
+    cells, scale_ns = proof_walks.mild_cells(plain), proof_walks.impulse_unit_ns(plain)
     seed = proof_walks.seed_of(LIBRARY), found.fell_in[0]
     drawn = proof_walks.draw_walk(plain, BRIEF, cells, scale_ns, seed)
     assert watch_fall(plain, drawn.in_world, drawn.schedule).fall is not None

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gaitchain.build.push import MOST, PushTest
+from gaitchain.build.push import MOST, RESOLUTION, PushTest
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import load_library
 from gaitchain.gait.schedule import Segment
@@ -46,6 +46,8 @@ def test_sides_are_fitted_apart_and_the_hardest_push_is_counted():
     assert left.walks == 2
     assert (ahead.fell_alone, left.fell_alone) == (0, 1)
     assert left.j50 is left.j5 is None, "one that falls alone and one other"
+    nearly = 50.0 * (MOST - 0.5 * RESOLUTION)  # the hardest push made it fall
+    assert push_limits([PushTest(0, 0.0, 4.0, nearly)], 50.0)[0].withstood == 0
     tried = [push for _, push in measures._spread((ahead, left), 2)]
     assert tried == [(0.0, ahead.j50)] * 2
 

@@ -5,7 +5,7 @@ from functools import wraps
 import numpy as np
 import pytest
 
-from gaitchain.build.push import impulse_scale
+from gaitchain.build.push import impulse_unit_ns
 from gaitchain.build.workers import Crew
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.gait.library_file import load_library
@@ -22,7 +22,7 @@ from gaitchain.proof.splitting import EVENT, overlap
 from gaitchain.walker.walker import Walker
 
 LIBRARY = load_library(shipped_library())
-SCALE_NS = impulse_scale(LIBRARY)[2]
+SCALE_NS = impulse_unit_ns(LIBRARY)
 
 
 def walked(seeds, hardest=0.2):

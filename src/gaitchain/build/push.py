@@ -8,7 +8,7 @@ after which it falls. At the median of the critical impulses half of the runs fa
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -144,13 +144,27 @@ def _interval(critical: Sequence[float]) -> tuple[float, float]:
     return (ordered[outside - 1], ordered[-outside]) if outside else (math.nan,) * 2
 
 
-def impulse_scale(library: GaitLibrary) -> tuple[float, float, float]:
-    """Return mass m [kg], height h of the standing CoM [m], and m sqrt(g h) [N s]."""
-    robot = library.robot
-    backend = MujocoBackend(robot)
+class Size(NamedTuple):
+    """What impulses and heights of a robot are compared with."""
+
+    mass_kg: float
+    com_m: float
+    """Height h of the CoM of the standing robot."""
+    impulse_ns: float
+    """m sqrt(g h)."""
+
+
+def size_of(library: GaitLibrary) -> Size:
+    """Return the size of a library's robot."""
+    mass, backend = library.robot.reduced.mass, MujocoBackend(library.robot)
     backend.connect(Walker(library, require_qualified=False).stand)
     height = float(backend.data.subtree_com[1, 2])
-    return robot.reduced.mass, height, robot.reduced.mass * math.sqrt(GRAVITY * height)
+    return Size(mass, height, mass * math.sqrt(GRAVITY * height))
+
+
+def impulse_unit_ns(library: GaitLibrary) -> float:
+    """Return the unit of impulses on a library's robot, m sqrt(g h) [N s]."""
+    return size_of(library).impulse_ns
 
 
 def _critical(walk: PushedWalk, seed: tuple[int, int], side: float) -> PushTest:
@@ -163,7 +177,7 @@ def _critical(walk: PushedWalk, seed: tuple[int, int], side: float) -> PushTest:
     backend = MujocoBackend(library.robot, world)
     body = draw_body(backend.masses, rng) if walk.body == ANY_BODY else walk.body
     check_body(body, backend.masses)
-    scale_ns = impulse_scale(library)[2]
+    scale_ns = impulse_unit_ns(library)
 
     def falls(part: float) -> bool:
         push = Push(part * scale_ns, side, at_s, body=body)

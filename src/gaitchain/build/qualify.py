@@ -21,7 +21,7 @@ from gaitchain.build.grid import (
     plan_jobs,
 )
 from gaitchain.build.jobs import arrivals
-from gaitchain.build.push import impulse_scale
+from gaitchain.build.push import impulse_unit_ns
 from gaitchain.build.rollout import PhysicsCost, WalkResult
 from gaitchain.build.trial import without_caution
 from gaitchain.build.usual_errors import StepErrors, errors_of
@@ -211,7 +211,7 @@ def _walk_all(
     library: GaitLibrary, jobs: Sequence[GridJob], entropy: int, workers: int
 ) -> Iterator[GridRun]:
     """Yield the results in the order in which the walks finish."""
-    scale_ns = impulse_scale(library)[2]
+    scale_ns = impulse_unit_ns(library)
     calls = [(n, _walk, library, job, entropy, scale_ns) for n, job in enumerate(jobs)]
     for _, run in arrivals(calls, workers):
         yield run

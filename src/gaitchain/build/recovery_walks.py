@@ -14,7 +14,7 @@ import numpy as np
 from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.jobs import run_jobs
-from gaitchain.build.push import impulse_scale
+from gaitchain.build.push import impulse_unit_ns
 from gaitchain.build.workers import Crew, in_round
 from gaitchain.chain.layered_chain import FloatArray
 from gaitchain.chain.recovery import (
@@ -61,7 +61,7 @@ def recover(
     """
     if not walks:
         return library
-    scale_ns = impulse_scale(library)[2]
+    scale_ns = impulse_unit_ns(library)
     seed, walked = int(rng.integers(2**31)), list[_Lesson]()
     for number, part in enumerate(np.array_split(np.arange(walks), _ROUNDS)):
         sizes = draw_sizes(len(part), rng, _lessons(walked))

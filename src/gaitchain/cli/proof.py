@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from gaitchain.build.journal import Journal
-from gaitchain.build.push import impulse_scale
+from gaitchain.build.push import impulse_unit_ns
 from gaitchain.cli.cluster import journaled_crew
 from gaitchain.cli.console import make_folder, print_table, say
 from gaitchain.cli.options import Qualify
@@ -136,7 +136,7 @@ def _remembering(
 
 def _show(library: GaitLibrary, report: ProofReport) -> None:
     heads = "walks", "number", "steps", "falls", "falls per step"
-    named = named_strata(library, report, impulse_scale(library)[2])
+    named = named_strata(library, report, impulse_unit_ns(library))
     length = walk_length(library, report)
     title = f"{library.robot.name}, random schedules of {length}"
     print_table(title, heads, (_row(name, s, report) for name, s in named))

@@ -11,9 +11,9 @@ from gaitchain.build.push import (
     MOST,
     PushedWalk,
     PushResult,
-    impulse_scale,
     judge,
     run_pushes,
+    size_of,
 )
 from gaitchain.cli.console import check_picture, print_table, say, watched
 from gaitchain.cli.libraries import read_library
@@ -76,7 +76,7 @@ def _check_speed(vx: float, library: GaitLibrary) -> None:
 def _figures(
     options: Push, library: GaitLibrary, results: Sequence[PushResult]
 ) -> dict[str, Any]:
-    mass, height, scale = impulse_scale(library)
+    mass, height, scale = size_of(library)
     parts = [result.impulse_ns / scale for result in results]
     return {
         "robot": library.robot.name,

@@ -10,7 +10,7 @@ import numpy as np
 
 from gaitchain.build.grid import Cell
 from gaitchain.build.jobs import run_jobs
-from gaitchain.build.push import PushedWalk, PushTest, impulse_scale, run_pushes
+from gaitchain.build.push import PushedWalk, PushTest, impulse_unit_ns, run_pushes
 from gaitchain.build.workers import Crew
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Schedule, counts_steps
@@ -114,7 +114,7 @@ class _Course:
         self._library, self._criterion = library, criterion
         self._cells: Sequence[Cell] = mild_cells(library)
         self._entropy = seed_of(library)
-        self.scale_ns = impulse_scale(library)[2]
+        self.scale_ns = impulse_unit_ns(library)
 
     def of_proof(self, number: int) -> DrawnWalk:
         seed = self._entropy, number

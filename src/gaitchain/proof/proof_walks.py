@@ -15,7 +15,7 @@ from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.grid import Cell, GridJob, grid_world
 from gaitchain.build.jobs import run_jobs
-from gaitchain.build.push import impulse_scale
+from gaitchain.build.push import impulse_unit_ns
 from gaitchain.build.qualify import default_grid
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
@@ -122,7 +122,7 @@ class ProofWalks:
             cells: the mild worlds.
             workers: processes at once.
         """
-        self._fixed = library, criterion, cells, impulse_scale(library)[2]
+        self._fixed = library, criterion, cells, impulse_unit_ns(library)
         self._entropy, self._workers = seed_of(library), workers
 
     def drawn(self) -> Iterator[ProofWalk]:

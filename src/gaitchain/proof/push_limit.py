@@ -63,14 +63,15 @@ def push_limits(
 
     Args:
         tests: two or more walks of each side.
-        scale_ns: m sqrt(g h) of the robot, see `push.impulse_scale` [N s].
+        scale_ns: m sqrt(g h) of the robot, see `push.impulse_unit_ns` [N s].
         confidence: of each interval for itself, with equal parts at its ends.
     """
     limits = []
     for side in dict.fromkeys(test.direction_deg for test in tests):
         found = tuple(t.critical_ns for t in tests if t.direction_deg == side)
         parts = np.array(found) / scale_ns
-        alone, most = int(np.sum(parts == 0.0)), int(np.sum(parts > MOST - RESOLUTION))
+        alone = sum(impulse == 0.0 for impulse in found)
+        most = sum(impulse >= MOST * scale_ns for impulse in found)
         logs = np.log(parts[parts > 0.0])
         j50, j5 = (
             log_normal_quantile(logs, p, confidence).times(scale_ns)

@@ -16,7 +16,7 @@ from gaitchain.analysis.simulated_walk import WatchedLoop
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.grid import Cell, GridJob, grid_world
 from gaitchain.build.jobs import run_jobs
-from gaitchain.build.push import impulse_scale
+from gaitchain.build.push import impulse_unit_ns
 from gaitchain.build.workers import Crew
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array, Command
@@ -162,7 +162,7 @@ class _Course:
 
     def __init__(self, disturbed: Disturbed, entropy: int, workers: int) -> None:
         self._disturbed, self._entropy, self._workers = disturbed, entropy, workers
-        self._scale_ns = impulse_scale(disturbed.library)[2]
+        self._scale_ns = impulse_unit_ns(disturbed.library)
         self._cells: Sequence[Cell] = mild_cells(disturbed.library)
         self.steps: list[list[int]] = []
         """Of the walks of each call; the first call of a repetition splits nothing."""
