@@ -6,7 +6,6 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from gaitchain.build.jobs import keeping
 from gaitchain.build.journal import Journal, code_digest
 from gaitchain.build.own_model import own_digest
 from gaitchain.build.own_trials import own_fault
@@ -19,17 +18,15 @@ from gaitchain.cli.console import (
     check_writable,
     print_table,
     progress,
-    resumable,
     say,
 )
+from gaitchain.cli.kept_work import kept_in
 from gaitchain.cli.libraries import find_library
 from gaitchain.cli.options import Build
 from gaitchain.discover.loaded_robot import load_robot, robot_file
 from gaitchain.errors import (
     CommandError,
-    GaitchainError,
     LibraryError,
-    UnfinishedError,
     file_errors,
 )
 from gaitchain.gait.build_config import BuildConfig
@@ -124,16 +121,10 @@ def _build(
     journal = Journal(kept, *of)
     if interrupted:
         say(journal.greeting)
-    try:
-        with resumable(journal.path), keeping(journal), progress() as tell:
-            library, report = build_library(
-                config, tell, workers or available_cores(), robot
-            )
-    except UnfinishedError:
-        raise  # what is finished goes on
-    except GaitchainError:
-        journal.remove()
-        raise
+    with kept_in(journal), progress() as tell:
+        library, report = build_library(
+            config, tell, workers or available_cores(), robot
+        )
     elapsed_s = time.perf_counter() - begin
     size = save_library(library, path)
     journal.remove()

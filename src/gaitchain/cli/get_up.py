@@ -1,14 +1,13 @@
 """`gaitchain get-up`: search how a robot gets up after a fall, and try it."""
 
-from collections.abc import Container, Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Container
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from gaitchain.build.jobs import keeping
 from gaitchain.build.journal import Journal
 from gaitchain.build.own_model import model_digest, own_model
 from gaitchain.build.workers import available_cores
@@ -17,13 +16,13 @@ from gaitchain.cli.console import (
     check_replaced,
     print_table,
     progress,
-    resumable,
     say,
     watched,
 )
+from gaitchain.cli.kept_work import kept_in
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import GetUp as Options
-from gaitchain.errors import CommandError, GaitchainError, LibraryError, UnfinishedError
+from gaitchain.errors import CommandError, LibraryError
 from gaitchain.figures.replay import Recording, write_replay
 from gaitchain.gait.get_up import SIDES, GetUp, Side, load_get_up, save_get_up
 from gaitchain.gait.library_file import library_bytes
@@ -43,7 +42,7 @@ def run(options: Options) -> tuple[int, dict[str, Any]]:
     check_replaced(options.replay, "the page")
     subject = Subject(options.model, read_library(options.library))
     journal = None if options.ways else _begun(options, subject)
-    with nullcontext() if journal is None else _kept(journal):
+    with nullcontext() if journal is None else kept_in(journal):
         found = _known(options, subject) if options.ways else _search(options, subject)
         came = {side: _try(options, subject, found, side) for side in found.ways}
     missing = [side for side in _sides(options) if side not in found.ways]
@@ -108,19 +107,6 @@ def _begun(options: Options, subject: Subject) -> Journal:
     journal = Journal(out.with_name(f"{out.name}.search.jsonl"), *of)
     say(journal.greeting)
     return journal
-
-
-@contextmanager
-def _kept(journal: Journal) -> Iterator[None]:
-    """Keep what is finished, unless it would be refused again."""
-    try:
-        with resumable(journal.path), keeping(journal):
-            yield
-    except UnfinishedError:
-        raise  # what is finished goes on
-    except GaitchainError:
-        journal.remove()
-        raise
 
 
 def _search(options: Options, subject: Subject) -> GetUp:

@@ -7,7 +7,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from gaitchain.build.jobs import keeping
 from gaitchain.build.journal import Journal
 from gaitchain.build.workers import Crew, available_cores
 from gaitchain.cli.console import (
@@ -16,12 +15,12 @@ from gaitchain.cli.console import (
     check_replaced,
     print_table,
     progress,
-    resumable,
     say,
 )
+from gaitchain.cli.kept_work import kept_in
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Identify
-from gaitchain.errors import CommandError, LibraryError, LogError
+from gaitchain.errors import CommandError, LogError
 from gaitchain.figures.identification import Compared, plot_missed
 from gaitchain.gait.command_range import AXES, ends_text, inward
 from gaitchain.gait.library import GaitLibrary
@@ -98,18 +97,14 @@ def _identified(
     What is finished is kept until the end, so that an interrupted one can be continued.
     """
     workers = options.workers or available_cores()
-    try:
-        with resumable(journal.path), keeping(journal):
-            with progress() as tell:
-                fit = fit_logs(library.robot, logs, workers, tell)
-            _show(library.robot.name, fit)
-            if options.picture is not None:
-                _draw(library.robot, logs, fit, options.picture)
-            with progress() as tell:
-                return fit, adapt(library, fit, Crew(workers, tell))
-    except (LogError, LibraryError):
-        journal.remove()  # it would be refused again
-        raise
+    with kept_in(journal):
+        with progress() as tell:
+            fit = fit_logs(library.robot, logs, workers, tell)
+        _show(library.robot.name, fit)
+        if options.picture is not None:
+            _draw(library.robot, logs, fit, options.picture)
+        with progress() as tell:
+            return fit, adapt(library, fit, Crew(workers, tell))
 
 
 def _logs(paths: Sequence[Path]) -> list[ExerciseLog]:

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import fields
 from typing import Any
 
+from gaitchain.cli.option_name import option_name
 from gaitchain.errors import CommandError
 
 
@@ -21,6 +22,4 @@ def refuse(options: Any, names: Iterable[str], why: str) -> None:
     known = {field.name: field for field in fields(options)}
     for name in names:
         if getattr(options, name) != known[name].default:
-            notes = getattr(known[name].type, "__metadata__", ())
-            named = next(filter(None, (getattr(n, "name", None) for n in notes)), name)
-            raise CommandError(f"--{named.replace('_', '-')}: {why}")
+            raise CommandError(f"{option_name(known[name])}: {why}")

@@ -12,6 +12,7 @@ from typing import Any, Literal, TextIO, cast, get_args, get_origin
 
 import tyro
 
+from gaitchain.cli.option_name import is_positional, option_name
 from gaitchain.cli.options import VERBS, Options
 from gaitchain.cli.streams import written_to
 from gaitchain.errors import CommandError
@@ -81,8 +82,7 @@ def _check_names(words: Sequence[str]) -> None:
         return
     if verb not in VERBS:
         raise CommandError(f"{verb}: no such verb{_nearest(verb, VERBS)}")
-    kinds = _types(VERBS[verb])
-    known = {f"--{name.replace('_', '-')}": kind for name, kind in kinds.items()}
+    known = _types(VERBS[verb])
     for word in words[1:]:
         option, valued, _ = word.partition("=")
         option = option.replace("_", "-")
@@ -100,16 +100,14 @@ def _check_names(words: Sequence[str]) -> None:
 
 
 def _types(options: Any) -> dict[str, Any]:
-    """Return the types of a verb's options, including those of its groups, by name."""
+    """Return the types of a verb's options, those of its groups too, by `--name`."""
     found: dict[str, Any] = {}
     for option in fields(options):
         if is_dataclass(option.default):
             found |= _types(option.default)
             continue
-        notes = getattr(option.type, "__metadata__", ())
-        if tyro.conf.Positional not in notes:
-            named = (getattr(note, "name", None) for note in notes)
-            found[next(filter(None, named), option.name)] = option.type
+        if not is_positional(option):
+            found[option_name(option)] = option.type
     return found
 
 
@@ -131,11 +129,13 @@ def _nearest(word: str, known: Iterable[str]) -> str:
 
 def _check_numbers(options: Any) -> None:
     """Refuse a number outside the limits that its option declares."""
+    own = {field.name: field for field in fields(options)}
     for name, limits in declared(type(options), Limits).items():
         value = getattr(options, name)
         if value is not None and not limits.hold(value):
-            option = name.replace("_", "-")
-            raise CommandError(f"--{option} {exact(value)}: give {limits}")
+            raise CommandError(
+                f"{option_name(own[name])} {exact(value)}: give {limits}"
+            )
 
 
 def _check_port(options: Any) -> None:
@@ -149,15 +149,15 @@ def _complaint(box: str, verb: str) -> str:
     said = _HELPTEXT.sub(f"; see gaitchain {verb} --help", _one_line(box))
     if verb in VERBS and (found := _NO_CHOICE.search(said)):
         option, word = found["option"] or found["of"], found["word"] or found["none"]
-        kind = _types(VERBS[verb])[option.removeprefix("--").replace("-", "_")]
+        kind = _types(VERBS[verb])[option]
         if choices := ", ".join(_choices(kind)):
             return f"{option} {word}: give one of {choices}"
     found = _NO_NUMBER.search(said)
     if found is None or verb not in VERBS:
         return said
     option, kind, word = found.groups()
-    field = option.removeprefix("--").replace("-", "_")
-    limits = declared(VERBS[verb], Limits).get(field)
+    own = {option_name(field): field.name for field in fields(VERBS[verb])}
+    limits = declared(VERBS[verb], Limits).get(own.get(option, ""))
     what = "a whole number" if kind.startswith("int") else "a number"
     span = f", {replace(limits, whole=False)}" if limits else ""
     return f"{option} {word}: give {what}{span}"
