@@ -258,11 +258,9 @@ def write_json(path: Path, value: Any) -> None:
         with written_to(sys.stdout):
             print(text)
         return
-    try:
+    with file_errors(path, "written", CommandError):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(f"{text}\n", "utf-8")
-    except OSError as error:
-        raise CommandError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def plain_json(value: Any) -> Any:

@@ -82,11 +82,9 @@ def save_library(library: GaitLibrary, path: str | Path) -> int:
     check_library(library)
     path = given_path(path, "a library", LibraryError)
     data = library_bytes(library)
-    try:
+    with file_errors(path, "written", LibraryError):
         path.parent.mkdir(parents=True, exist_ok=True)
         replace_file(path, data)
-    except OSError as error:
-        raise LibraryError(f"{path}: cannot be written: {error.strerror}") from None
     return len(data)
 
 
