@@ -18,7 +18,7 @@ from gaitchain.gait.get_up import TimedPose, Way, load_get_up, save_get_up
 from gaitchain.gait.library_file import save_library
 from gaitchain.getup import exploration, search
 from gaitchain.getup.fallen_robot import Subject
-from gaitchain.getup.rise_trial import Rose
+from gaitchain.getup.rise_trial import RiseResult
 from gaitchain.getup.search import assemble
 
 SHARED = Path(__file__).parents[3] / "shared" / "robots"
@@ -234,7 +234,7 @@ def test_a_full_disk_keeps_the_ways_of_before(
 def test_a_side_without_a_known_way_does_not_pass(
     toy_gait, toy_path, known, tmp_path, capsys, monkeypatch
 ):
-    stands = Rose(stood=True, tries=1, seconds=1.0)
+    stands = RiseResult(stood=True, tries=1, seconds=1.0)
     monkeypatch.setattr(get_up, "try_rising", lambda *of: iter([stands]))
     out, front, both = tmp_path / "out.getup", known("front"), known("front", "back")
     assert tried(toy_gait, toy_path, both, tmp_path / "both.getup") == 0

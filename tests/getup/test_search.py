@@ -15,13 +15,13 @@ from gaitchain.errors import CommandError, RobotFileError
 from gaitchain.gait.get_up import TimedPose, Way
 from gaitchain.getup import exploration, fallen_robot, search
 from gaitchain.getup.exploration import Exploration
-from gaitchain.getup.fallen_robot import FallenRobot, Look, Subject
+from gaitchain.getup.fallen_robot import BodyState, FallenRobot, Subject
 from gaitchain.getup.reached import Reached, go_on, lying, rises_on
 from gaitchain.getup.search import Effort, WaySearch, assemble, search_ways
 from gaitchain.getup.ways import TAIL, Tried, judge, squatting, way_of
 
-UP = Look(up=1.0, ahead=0.0, high=1.0, off=0.0, lifted=0.0, speed=0.0, flat=1.0)
-DOWN = Look(up=0.0, ahead=-1.0, high=0.2, off=1.0, lifted=0.0, speed=0.0, flat=0.0)
+UP = BodyState(up=1.0, ahead=0.0, high=1.0, off=0.0, lifted=0.0, speed=0.0, flat=1.0)
+DOWN = BodyState(up=0.0, ahead=-1.0, high=0.2, off=1.0, lifted=0.0, speed=0.0, flat=0.0)
 
 
 @pytest.fixture(scope="module")

@@ -27,7 +27,7 @@ from gaitchain.figures.replay import Recording, write_replay
 from gaitchain.gait.get_up import SIDES, GetUp, Side, load_get_up, save_get_up
 from gaitchain.gait.library_file import library_bytes
 from gaitchain.getup.fallen_robot import Subject, fallen_robot
-from gaitchain.getup.rise_trial import Rose, record_rise, try_rising
+from gaitchain.getup.rise_trial import RiseResult, record_rise, try_rising
 from gaitchain.getup.search import Effort, assemble, search_ways
 from gaitchain.sim.world import World
 
@@ -129,18 +129,20 @@ def _searched(subject: Subject) -> tuple[bytes, str]:
     return library_bytes(library), model_digest(model)
 
 
-def _try(options: Options, subject: Subject, found: GetUp, side: Side) -> list[Rose]:
+def _try(
+    options: Options, subject: Subject, found: GetUp, side: Side
+) -> list[RiseResult]:
     workers = options.workers or available_cores()
     tries = try_rising(subject, found, side, options.runs, options.seed, workers)
     return list(watched(tries, f"falling onto the {side}", options.runs))
 
 
-def _counted(found: GetUp, side: Side, came: list[Rose]) -> Any:
+def _counted(found: GetUp, side: Side, came: list[RiseResult]) -> Any:
     stood = sum(one.stood for one in came)
     return msgspec.structs.replace(found.ways[side], stood=stood, starts=len(came))
 
 
-def _show(found: GetUp, came: dict[Side, list[Rose]]) -> None:
+def _show(found: GetUp, came: dict[Side, list[RiseResult]]) -> None:
     rows = [
         (
             side,
@@ -166,7 +168,7 @@ def _draw(options: Options, subject: Subject, found: GetUp, file: Path) -> None:
     say(f"{file}: the first fall onto each side (open it in any browser)")
 
 
-def _figures(found: GetUp, came: dict[Side, list[Rose]]) -> dict[str, Any]:
+def _figures(found: GetUp, came: dict[Side, list[RiseResult]]) -> dict[str, Any]:
     sides = {
         side: {
             "way_s": way.seconds,

@@ -37,7 +37,7 @@ _FOREARM = 0.5  # of that of its arm: what an elbow carries, and no wrist
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
-class Look(NamedTuple):
+class BodyState(NamedTuple):
     """Where a robot is on its way up."""
 
     up: float
@@ -268,7 +268,7 @@ class FallenRobot:
 
     def move(
         self, way: Way, begin: Array | None = None, hold_s: float = _HOLDS_S
-    ) -> list[Look]:
+    ) -> list[BodyState]:
         """Go through the poses of a way and hold the last; look again and again.
 
         Args:
@@ -286,13 +286,13 @@ class FallenRobot:
                 seen.append(self.look())
         return seen
 
-    def look(self) -> Look:
+    def look(self) -> BodyState:
         """Return where the robot is."""
         model, data = self.backend.model, self.backend.data
         mujoco.mj_subtreeVel(model, data)
         com, feet = data.subtree_com[self._base], data.xpos[self._feet]
         axes = data.xmat[self._base].reshape(3, 3)[2] @ self.backend.in_model.turn
-        return Look(
+        return BodyState(
             float(axes[2]),
             float(axes[0]),
             float(com[2] / self.height),

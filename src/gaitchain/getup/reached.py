@@ -6,14 +6,20 @@ from typing import NamedTuple
 import numpy as np
 
 from gaitchain.gait.get_up import Side, TimedPose, Way
-from gaitchain.getup.fallen_robot import FallenRobot, Look, Start, Subject, fallen_robot
+from gaitchain.getup.fallen_robot import (
+    BodyState,
+    FallenRobot,
+    Start,
+    Subject,
+    fallen_robot,
+)
 from gaitchain.getup.ways import height, pose_of, rise_of
 from gaitchain.messages import Array
 
 _TILT, _HIGH, _OFF, _LIFTED, _FLAT = 0.35, 0.08, 0.2, 0.2, 0.5  # of a cell
 _FURTHEST_OFF, _MOST_LIFTED = 1.5, 1.0
 _FAST, _FASTEST = 0.15, 4.0  # what speed takes from a robot's height [s/leg, legs/s]
-_ALIKE = Look(  # most that two may differ; the tilt is compared as an angle
+_ALIKE = BodyState(  # most that two may differ; the tilt is compared as an angle
     up=math.inf,
     ahead=math.inf,
     high=0.12,
@@ -35,7 +41,7 @@ class Reached(NamedTuple):
     """Where a pose led, from each of some lyings."""
 
     states: tuple[Array, ...]
-    looks: tuple[Look, ...]
+    looks: tuple[BodyState, ...]
 
     @property
     def cell(self) -> Cell:
@@ -75,7 +81,7 @@ def lying(robot: FallenRobot, side: Side, starts: tuple[Start, ...]) -> Reached:
         side: what it lies on.
         starts: how, and in what worlds.
     """
-    states, looks = list[Array](), list[Look]()
+    states, looks = list[Array](), list[BodyState]()
     for start in starts:
         robot.lie(side, start)
         states.append(robot.state)
@@ -99,7 +105,7 @@ def go_on(
         numbers: of the poses.
         states: of the robot, one for each start.
     """
-    robot, after, looks = fallen_robot(subject), list[Array](), list[Look]()
+    robot, after, looks = fallen_robot(subject), list[Array](), list[BodyState]()
     last = _last_of(robot, numbers[:-1])
     way = Way((pose_of(robot, numbers[-1], last),), 0, 1)
     for start, state in zip(starts, states, strict=True):
@@ -145,11 +151,11 @@ def _last_of(robot: FallenRobot, numbers: Numbers) -> Array:
     return last
 
 
-def _differs_little(one: Look, other: Look) -> bool:
+def _differs_little(one: BodyState, other: BodyState) -> bool:
     turned = abs(_tilt(one) - _tilt(other))
     near = abs(np.subtract(one, other)) < _ALIKE
     return bool(min(turned, 2.0 * math.pi - turned) < _TURNED and near.all())
 
 
-def _tilt(look: Look) -> float:
+def _tilt(look: BodyState) -> float:
     return math.atan2(look.ahead, look.up)

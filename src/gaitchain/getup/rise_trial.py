@@ -16,7 +16,7 @@ _STANDS_S = 1.0  # after it said that it is up
 _UNSEEN = 7919  # begins the seeds of trials, which no search has
 
 
-class Rose(NamedTuple):
+class RiseResult(NamedTuple):
     """What came of one fall."""
 
     stood: bool
@@ -25,7 +25,7 @@ class Rose(NamedTuple):
     """From lying limp until it says that it stands, or gives up [s]."""
 
 
-class Rise(NamedTuple):
+class RiseRecording(NamedTuple):
     """One fall to be drawn."""
 
     model: mujoco.MjModel
@@ -37,7 +37,7 @@ class Rise(NamedTuple):
 
 def try_rising(
     subject: Subject, found: GetUp, side: Side, runs: int, seed: int, workers: int
-) -> Iterator[Rose]:
+) -> Iterator[RiseResult]:
     """Yield what comes of each of a number of falls.
 
     The robot falls at random onto a side and lies limp. Then the riser has it, with no
@@ -52,27 +52,27 @@ def try_rising(
         workers: processes at once.
     """
     jobs = [(subject, found, side, _start(seed, run)) for run in range(runs)]
-    return run_jobs(rise, jobs, Rose, workers)
+    return run_jobs(rise, jobs, RiseResult, workers)
 
 
-def rise(subject: Subject, found: GetUp, side: Side, start: Start) -> Rose:
+def rise(subject: Subject, found: GetUp, side: Side, start: Start) -> RiseResult:
     """Let the robot fall, and get up."""
     robot, riser = fallen_robot(subject), Riser(found)
     ticks = [riser.state for _ in _rising(robot, riser, side, start)]
     ends = (Rising.UP, Rising.GIVEN_UP)
     took_s = sum(state not in ends for state in ticks) * CONTROL_PERIOD_S
     up = riser.state is Rising.UP
-    return Rose(up and robot.look().stands, riser.tries, took_s)
+    return RiseResult(up and robot.look().stands, riser.tries, took_s)
 
 
-def record_rise(subject: Subject, found: GetUp, side: Side, seed: int) -> Rise:
+def record_rise(subject: Subject, found: GetUp, side: Side, seed: int) -> RiseRecording:
     """Return the first of the falls of `try_rising` with a seed, to be drawn."""
     robot = fallen_robot(subject)
     data = robot.backend.data
     walked = _rising(robot, Riser(found), side, _start(seed, 0))
     rows = np.array([data.qpos.copy() for _ in walked])
     time_s = CONTROL_PERIOD_S * np.arange(len(rows), dtype=float)
-    return Rise(robot.backend.model, time_s, rows)
+    return RiseRecording(robot.backend.model, time_s, rows)
 
 
 def _start(seed: int, run: int) -> Start:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gaitchain.gait.get_up import TimedPose, Way
-from gaitchain.getup.fallen_robot import FallenRobot, Look
+from gaitchain.getup.fallen_robot import BodyState, FallenRobot
 from gaitchain.messages import GRAVITY, Array
 
 _USUAL_S, _SHORTEST_S, _LONGEST_S = 0.6, 0.25, 1.6  # of a pose
@@ -123,7 +123,7 @@ def timed_pose(
     return TimedPose(round(seconds, 3), tuple(np.round(angles, 4).tolist()))
 
 
-def judge(seen: list[Look]) -> Tried:
+def judge(seen: list[BodyState]) -> Tried:
     """Return how far a robot came: at its best, and where it stays in the end."""
     heights = [height(look) for look in seen]
     stays = float(np.mean(heights[-_END:]))
@@ -131,7 +131,7 @@ def judge(seen: list[Look]) -> Tried:
     return Tried(stays + heights[-1] + 0.5 * max(heights) + float(stood), stood)
 
 
-def height(look: Look) -> float:
+def height(look: BodyState) -> float:
     """Return how much a robot is up: over its feet, these flat and down, and high."""
     off, lifted = min(look.off, 2.0), min(look.lifted, 1.0)
     return look.high + 0.3 * look.up - off - 0.5 * lifted + 0.5 * look.flat
