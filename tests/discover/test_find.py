@@ -530,6 +530,23 @@ def test_a_joint_whose_actuator_is_missing_on_one_side_is_named(tmp_path):
     assert told.servos["right_tilt"].source == "derived: none"
 
 
+def test_a_servo_of_one_leg_that_is_unlike_the_others_is_told(tmp_path):
+    text, count = re.subn(
+        r'(<position joint="right_knee"[^>]*kp=")[^"]*', r"\g<1>77", toy_file()
+    )
+    assert count == 1
+    (kp,) = re.findall(r'<position joint="left_knee"[^>]*kp="([^"]*)"', text)
+
+    def told(file):
+        evidence = load_with_findings(write(tmp_path, file)).findings.evidence
+        return [row[1:] for row in evidence if row[0] == "left and right"]
+
+    assert told(toy_file()) == []
+    ((what, why),) = told(text)
+    assert what == "their servos differ"
+    assert f"left_knee kp {float(kp):g}, right_knee 77 N m/rad" in why
+
+
 def test_legs_of_too_few_driven_joints_say_what_the_others_lack(tmp_path):
     text = without_actuators("left_tilt", "left_yaw")
     path = write(tmp_path, text)

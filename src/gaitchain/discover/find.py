@@ -47,7 +47,7 @@ from gaitchain.discover.pinned_robot import SLIDE, PinnedRobot
 from gaitchain.discover.profile import Profile
 from gaitchain.discover.ranges import is_narrowed, joint_range, own_range
 from gaitchain.discover.repair import BALLAST_KG
-from gaitchain.discover.servos import read_servos
+from gaitchain.discover.servos import read_servos, unlike_rows
 from gaitchain.discover.shapes import VISUAL, ground_geoms
 from gaitchain.discover.sole import check_sole, sole_of
 from gaitchain.discover.springs import spring_rows
@@ -272,6 +272,7 @@ def _assemble(
     servos, evidence = read_servos(
         robot, driven, passive, float(sole[2]), answers, speeds
     )
+    evidence += unlike_rows(zip(left.joints, right.joints, strict=True), servos)
     evidence += spring_rows(robot, driven, pose, servos)
     return Findings(
         base=model.body(robot.base).name,

@@ -9,7 +9,7 @@ from the stiffness so that servo and rotor alone swing at 200 rad/s; in files th
 it, these are 180 to 370 rad/s for robots of 30 to 90 kg.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -30,6 +30,14 @@ _STRONGEST = 50.0  # limit of a leg's motors that is believed, m g h
 _HELD_TORQUE = 4.0  # limit of other joints, by their load
 _RATIO = 0.8  # damping ratio against the inertia beyond the joint
 _LAG = 0.08  # least damping by stiffness, sqrt(h / g)
+_ALIKE, _LISTED = 0.1, 3  # of a number of both legs' servos; differences that are told
+_SAID = {
+    "stiffness": ("kp", "N m/rad"),
+    "damping": ("damping", "N m s/rad"),
+    "torque_limit": ("limit", "N m"),
+    "speed_limit": ("limit", "rad/s"),
+    "armature": ("armature", "kg m^2"),
+}
 _ROTOR_RATE = 200.0  # sqrt(stiffness / derived rotor inertia), twice a period [rad/s]
 
 
@@ -162,6 +170,38 @@ def read_servos(
     servos = _overridden(servos, profile)
     rows += _rows(robot, legs, servos, weight)
     return _with_rotors(robot, legs, servos, profile, rows), rows
+
+
+def unlike_rows(
+    pairs: Iterable[tuple[str, str]], servos: Mapping[str, FoundServo]
+) -> Rows:
+    """Say which joints of one leg have other servos than those of the other leg.
+
+    Args:
+        pairs: joints of the left and the right leg that mirror each other.
+        servos: by joint.
+    """
+    found = [
+        f"{one} {what} {mine:.4g}, {other} {its:.4g} {unit}"
+        for one, other in pairs
+        for what, unit, mine, its in _numbers(servos[one], servos[other])
+        if abs(mine - its) > _ALIKE * max(abs(mine), abs(its))
+    ]
+    if not found:
+        return []
+    more = f"; and {len(found) - _LISTED} more" if len(found) > _LISTED else ""
+    why = f"{'; '.join(found[:_LISTED])}{more}: is one of them a mistake?"
+    return [("left and right", "their servos differ", why)]
+
+
+def _numbers(
+    one: FoundServo, other: FoundServo
+) -> Iterator[tuple[str, str, float, float]]:
+    """Yield each number of two servos, with its name and unit, where both have it."""
+    for field, (what, unit) in _SAID.items():
+        both = getattr(one, field), getattr(other, field)
+        if np.isfinite(both).all():
+            yield what, unit, *both
 
 
 def _judge(
