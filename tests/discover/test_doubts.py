@@ -93,3 +93,36 @@ def test_what_cannot_be_reduced_is_refused_by_its_file(tmp_path):
         write_urdf(tmp_path, toy_urdf(weighs=lambda name, mass: 1e3 * mass))
     )
     assert "if the file's are in g" in message
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "said"),
+    [
+        (
+            'xyz="0 -0.07 -0.05"',
+            'xyz="0 -0.07"',
+            "joint 'right_yaw': <origin xyz='0 -0.07'>: give 3 numbers",
+        ),
+        (
+            '<mass value="4.0"/>',
+            '<mass value="4,0"/>',
+            "link 'torso': <mass value='4,0'>: give a number",
+        ),
+        (
+            '<box size="0.12 0.2 0.24"/>',
+            '<box size="0.12 0.2 wide"/>',
+            "link 'torso': <box size='0.12 0.2 wide'>: give 3 numbers",
+        ),
+    ],
+)
+def test_what_is_no_number_in_a_urdf_is_told_with_its_owner(tmp_path, good, bad, said):
+    """MuJoCo says the tag alone, and the line of a text that nobody has."""
+    text = toy_urdf()
+    assert good in text
+    assert said in refusal(write_urdf(tmp_path, text.replace(good, bad, 1)))
+
+
+def test_an_empty_attribute_of_a_urdf_counts_as_left_out(tmp_path):
+    text = toy_urdf().replace('<origin xyz="0 0 0.1"/>', '<origin xyz=""/>', 1)
+    assert 'xyz=""' in text
+    assert load_with_findings(write_urdf(tmp_path, text)).findings is not None

@@ -11,11 +11,27 @@ import mujoco
 
 from gaitchain.discover.notes import Doubt, listed
 from gaitchain.discover.urdf_meshes import find_meshes
-from gaitchain.errors import RobotFileError
+from gaitchain.errors import RobotFileError, short_name
 
 _JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _MIMICS = ("revolute", "continuous", "prismatic")
 _MAX_LINKS = 2_000
+# How many numbers MuJoCo reads of each attribute.
+_NUMBERS = {
+    "origin": {"xyz": 3, "rpy": 3},
+    "axis": {"xyz": 3},
+    "mass": {"value": 1},
+    "inertia": dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1),
+    "limit": dict.fromkeys(("lower", "upper", "effort"), 1),
+    "dynamics": dict.fromkeys(("damping", "friction"), 1),
+    "mimic": dict.fromkeys(("multiplier", "offset"), 1),
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": dict.fromkeys(("radius", "length"), 1),
+    "capsule": dict.fromkeys(("radius", "length"), 1),
+    "mesh": {"scale": 3},
+    "color": {"rgba": 4},
+}
 _SHOWN = 3
 
 
@@ -30,7 +46,7 @@ def read_urdf(root: ET.Element, path: Path) -> tuple[Any, list[str]]:
         The `mujoco.MjSpec`, not yet compiled, and a note for all that was left out.
 
     Raises:
-        RobotFileError: its links and joints are not a tree.
+        RobotFileError: its links and joints are not a tree, or a number is none.
     """
     _refuse_macros(root)
     compiler = root.find("mujoco/compiler")
@@ -40,6 +56,7 @@ def read_urdf(root: ET.Element, path: Path) -> tuple[Any, list[str]]:
             root.remove(child)  # what simulators and controllers add
     for shape in (*root.iterfind("link/visual"), *root.iterfind("link/collision")):
         shape.attrib.pop("name", None)  # often given twice, which MuJoCo complains of
+    _check_numbers(root)
     notes = _check_tree(root) + _drop_empty_shapes(root) + _doubt_massless(root)
     found, converted = find_meshes(root, _folders_of(path), meshdir)
     notes += found
@@ -99,6 +116,28 @@ def _refuse_macros(root: ET.Element) -> None:
                 f"<{element.tag.split('}')[-1]:.40}> is a xacro macro; expand the file "
                 "first: xacro robot.urdf.xacro > robot.urdf"
             )
+
+
+def _check_numbers(root: ET.Element) -> None:
+    """Refuse what is no number, by its link or joint: MuJoCo would not say whose."""
+    for owner in root:
+        for element in owner.iter():
+            for name, count in _NUMBERS.get(element.tag, {}).items():
+                given = element.get(name, "").strip()
+                if given and not _are_numbers(given, count):  # empty is left out
+                    many = "a number" if count == 1 else f"{count} numbers"
+                    raise RobotFileError(
+                        f"{owner.tag} {short_name(owner.get('name', ''))!r}: "
+                        f"<{element.tag} {name}={short_name(given)!r}>: give {many}"
+                    )
+
+
+def _are_numbers(text: str, count: int) -> bool:
+    words = text.split()
+    try:
+        return len(words) == count and bool([*map(float, words)])
+    except ValueError:
+        return False
 
 
 def _check_tree(root: ET.Element) -> list[str]:
