@@ -75,6 +75,10 @@ def test_numbers_stay_within_their_bounds():
     found = reached(true, missed_of(true, 0.0), held)
     assert found[1] == 1.0
     assert (found <= held.most).all()
+    least = np.array([-9.0, -1.0, -9.0, -9.0, -9.0])
+    low = reached(-true, missed_of(-true, 0.0), PRIOR._replace(least=least))
+    assert low[1] == -1.0
+    assert (low >= least).all()
 
 
 def test_a_step_that_makes_nothing_better_is_the_last():

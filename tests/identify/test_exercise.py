@@ -46,7 +46,7 @@ def test_every_joint_moves():
 
 @pytest.mark.parametrize("crus_m", [0.246, 0.346])
 def test_feet_stay_on_the_ground(crus_m):
-    """In physics: soles that the targets leave level and in place."""
+    """In physics: it stays upright."""
     robot = resized(RES, crus_length=crus_m, femur_length=0.592 - crus_m)
     standing = sway(robot)
     seen = replay(robot, standing, np.zeros(2))
@@ -56,6 +56,26 @@ def test_feet_stay_on_the_ground(crus_m):
     )
     lean = np.degrees(np.arccos(slow[:, 2] / np.linalg.norm(slow, axis=1)))
     assert lean.max() < 12.0
+
+
+def test_the_targets_of_a_sway_leave_the_feet_where_they_are():
+    """By MuJoCo's kinematics, wherever no knee ends before what that takes."""
+    legs, targets = RES.legs, sway(RES).targets
+    inside = ((targets > legs.lower + 1e-6) & (targets < legs.upper - 1e-6)).all(axis=1)
+    assert inside.mean() > 0.7
+    model, places = build_model(RES), []
+    data = mujoco.MjData(model)
+    joints = [model.joint(name).qposadr[0] for name in legs.joint_names]
+    for row in targets[inside][::20]:
+        data.qpos[joints] = row
+        mujoco.mj_kinematics(model, data)
+        left, right = (data.body(f"{side}_foot") for side in ("left", "right"))
+        turn = left.xmat.reshape(3, 3).T
+        places.append(turn @ (right.xpos - left.xpos))
+        np.testing.assert_allclose(
+            turn @ right.xmat.reshape(3, 3), np.eye(3), atol=1e-6
+        )
+    assert np.ptp(places, axis=0).max() < 1e-6
 
 
 def test_a_trunk_that_is_held_stays_where_it_is():

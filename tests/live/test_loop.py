@@ -312,6 +312,23 @@ def test_sensors_that_repeat_themselves_are_found(walking, time_goes_on, told):
     assert any(told in text for text in walking.happened("mode"))
 
 
+@pytest.mark.parametrize(
+    "stuck", [("joint_position",), ("angular_velocity", "acceleration")]
+)
+def test_encoders_or_an_imu_that_repeat_themselves_are_found(walking, stuck):
+    """Either alone, while the other one and the time go on."""
+    first = []
+
+    def spoil(sensors):
+        first.append(sensors)
+        return replace(sensors, **{name: getattr(first[0], name) for name in stuck})
+
+    walking.robot.spoil = spoil
+    walking.run(0.4, drive=(0.3, 0.0, 0.0))
+    assert walking.mode in (Mode.SAFE, Mode.STOPPED)
+    assert any("stuck" in text for text in walking.happened("mode"))
+
+
 def test_a_bus_that_is_cut_for_a_moment_is_told_and_forgiven(walking):
     walking.robot.cut = True
     walking.run(0.2, drive=(0.3, 0.0, 0.0))
@@ -686,10 +703,13 @@ def test_a_real_robot_is_not_pushed_from_here():
 
 
 def test_shutdown_ends_the_walk_first_then_lets_go(walking):
+    closed, close = [], walking.robot.close
+    walking.robot.close = lambda: (closed.append(walking.mode), close())
     walking.ask(Shutdown())
     walking.loop.run()
     assert walking.last.mode is Mode.STANDING
     assert upright(walking)
+    assert closed == [Mode.STANDING]
 
 
 def test_a_loop_that_takes_over_a_stop_stays_stopped_until_a_reset():

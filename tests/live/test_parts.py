@@ -376,6 +376,27 @@ def test_overload_is_named_after_its_time():
     assert verdicts[first].kind is TroubleKind.JOINTS
 
 
+@pytest.mark.parametrize(("part", "trips"), [(0.97, False), (0.99, True)])
+def test_a_joint_is_at_its_limit_from_98_percent_on(part, trips):
+    loads = np.zeros(COUNT)
+    loads[5] = part * legs().torque_limit[5]
+    verdict = judge(guard(), sensors(), seconds=1.1, loads=loads)
+    assert (verdict is not None) == trips
+
+
+@pytest.mark.parametrize(
+    ("times", "seconds", "trips"),
+    [(2.9, 1.0, False), (3.1, 0.08, False), (3.1, 0.12, True)],
+)
+def test_a_joint_runs_away_at_three_times_its_speed_limit(times, seconds, trips):
+    measured = sensors()
+    measured.joint_velocity[3] = -times * legs().speed_limit[3]
+    verdict = judge(guard(), measured, seconds=seconds)
+    assert (verdict is not None) == trips
+    if trips:
+        assert verdict.reason.startswith(f"{legs().joint_names[3]} runs away")
+
+
 def test_a_joint_that_does_not_follow_is_named():
     watch, target = guard(), np.zeros(COUNT)
     target[2] = math.radians(40.0)

@@ -13,7 +13,7 @@ from gaitchain.backends.dynamixel import (
     ServoBusEmulator,
     plain_calibration,
 )
-from gaitchain.live.messages import EmergencyStop, Mode, Reset, Start
+from gaitchain.live.messages import EmergencyStop, Mode, Reset, Shutdown, Start
 from gaitchain.robot.identified import Identified
 from gaitchain.walker.walker import Walker
 
@@ -97,6 +97,15 @@ def test_an_identified_robot_stands_where_only_its_encoder_is_past_the_range():
         stand = Walker(library()).standing_targets.position[knee]
         assert live.last.joint_target[knee] == pytest.approx(stand, abs=0.01)
         assert "range" not in live.last.status
+
+
+def test_the_end_of_the_loop_turns_every_torque_off():
+    with on_servos() as (live, bus):
+        walking_on(live)
+        assert all(servo.torque for servo in bus.servos.values())
+        live.ask(Shutdown())
+        live.loop.run()
+        assert not any(servo.torque for servo in bus.servos.values())
 
 
 def test_a_servo_that_lets_go_ends_the_walk_at_once():

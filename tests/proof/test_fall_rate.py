@@ -100,6 +100,13 @@ def test_both_ends_of_all_strata_hold_together():
     both, each = [(9, True, 1), (9, False, 1)], 1.0 - 0.05 / ends
     for world in found.worlds:
         assert (world.low, world.high) == rate_interval(both, 20, each)
+    for fell, contact in zip((True, False), found.contacts, strict=True):
+        own = [(9, fell, len(cells))]
+        assert (contact.low, contact.high) == rate_interval(own, 20, each)
+    for kind in found.kinds:
+        many = kind.walks // 2
+        own = [(9, True, many), (9, False, many)]
+        assert (kind.low, kind.high) == rate_interval(own, 20, each)
     walks = [(9, True, len(cells)), (9, False, len(cells))]
     assert (found.total.low, found.total.high) == rate_interval(walks, 20, 0.95)
 

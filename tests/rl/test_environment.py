@@ -169,6 +169,63 @@ def test_a_fall_ends_the_episode_and_says_how():
     assert sum(parts) == pytest.approx(rewards[-1])
 
 
+def test_actions_and_their_change_cost_as_documented():
+    robot = load_box_robot("res")
+    backend = MujocoBackend(robot)
+    backend.connect(np.array(robot.legs.stand))
+    reward = Reward(Command(), robot, backend)
+    parts = reward.parts(np.full(12, -0.5), np.full(12, 0.2))
+    assert parts["reward_action"] == pytest.approx(-0.05 * 0.25)
+    assert parts["reward_change"] == pytest.approx(-0.05 * 0.04)
+
+
+def test_a_residual_is_added_to_the_targets_of_the_walk():
+    """And clipped: 2 adds no more than 1."""
+    env = WalkEnv(command=AHEAD, random_world=False, residual_rad=0.05)
+    env.reset(seed=0)
+    control, walker = env._control, env._control.walker
+    action = np.linspace(-2.0, 2.0, 12).astype(np.float32)
+    sent, targets = [], []
+    write, step = env._backend.write, walker.step
+    env._backend.write = lambda target: (sent.append(target), write(target))
+
+    def walked(sensors):
+        found = step(sensors)
+        targets.append(found.position.copy())
+        return found
+
+    control.walker.step = walked
+    for _ in range(5):
+        seen, *_ = env.step(action)
+    off = 0.05 * np.clip(action, -1.0, 1.0)
+    np.testing.assert_allclose(
+        np.subtract(sent, targets), np.tile(off, (5, 1)), atol=1e-7
+    )
+    assert seen[env.layout.action] == pytest.approx(np.clip(action, -1.0, 1.0))
+    measured = env._sensors
+    assert seen[env.layout.joint_velocity] == pytest.approx(
+        measured.joint_velocity, abs=1e-5
+    )
+    assert seen[env.layout.angular_velocity] == pytest.approx(
+        measured.angular_velocity, abs=1e-5
+    )
+
+
+def test_worlds_are_drawn_and_fields_of_them_fixed():
+    env = WalkEnv(command=AHEAD)
+    worlds = []
+    for seed in (3, 4, 3):
+        env.reset(seed=seed)
+        worlds.append(env._backend.world)
+    assert worlds[0] == worlds[2] != worlds[1]
+    assert worlds[0].friction != worlds[1].friction
+    for drawn in (True, False):
+        fixed = WalkEnv(world={"friction": 0.4}, random_world=drawn)
+        fixed.reset(seed=3)
+        assert fixed._backend.world.friction == 0.4
+        assert (fixed._backend.world == World(friction=0.4)) != drawn
+
+
 def test_the_expert_walks_by_observations_alone():
     env, expert = WalkEnv(action="targets", command=AHEAD), Expert()
     _, rewards, infos = walk(env, expert.act, 500)

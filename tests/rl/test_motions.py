@@ -99,6 +99,25 @@ def test_velocities_are_the_rates_of_positions(ahead):
     assert ahead.body_velocity[:, 0] == pytest.approx(ahead.qvel[:, :3])
 
 
+def test_rates_are_those_of_the_attitudes(ahead):
+    """In the world; MuJoCo has the trunk's in its own axes."""
+    turn = np.empty(9)
+    for row in range(len(ahead.time)):
+        mujoco.mju_quat2Mat(turn, ahead.qpos[row, 3:7])
+        rate = turn.reshape(3, 3) @ ahead.qvel[row, 3:6]
+        assert ahead.body_rate[row, 0] == pytest.approx(rate, abs=1e-6)
+    before, after = ahead.body_quaternion[:-2, 1], ahead.body_quaternion[2:, 1]
+    turned, axis = np.empty(4), np.empty(3)
+    off = []
+    for row, (one, other) in enumerate(zip(before, after, strict=True), start=1):
+        back = one * [1.0, -1.0, -1.0, -1.0]
+        mujoco.mju_mulQuat(turned, other, back)
+        mujoco.mju_quat2Vel(axis, turned, 2.0 / HZ)
+        off.append(np.abs(axis - ahead.body_rate[row, 1]).mean())
+    assert np.abs(ahead.body_rate[:, 1]).mean() > 0.1, "else nothing is shown"
+    assert np.mean(off) < 0.3 * np.abs(ahead.body_rate[:, 1]).mean()
+
+
 def test_polynomials_follow_a_cycle():
     phases = np.arange(36) / 36
     rows = np.stack([np.sin(2 * np.pi * phases), np.cos(2 * np.pi * phases)], axis=1)
@@ -229,7 +248,15 @@ def test_csv_has_units_and_an_index(plan, motions, tmp_path):
     *tables, index = FORMATS["csv"].write(plan, motions, tmp_path)
     rows = list(csv.DictReader(tables[2].read_text().splitlines()))
     angle = float(rows[7]["left_knee [rad]"])
-    assert angle == pytest.approx(motions[2].qpos[7, 7 + 3], rel=1e-6)
+    own = motions[2]
+    assert angle == pytest.approx(own.qpos[7, 7 + 3], rel=1e-6)
+    for head, value in (
+        ("base_vx [m/s]", own.qvel[7, 0]),
+        ("left_knee [rad/s]", own.qvel[7, 6 + 3]),
+        ("left_contact [1]", own.contact[7, 0]),
+        ("left_knee_target [rad]", own.target[7, 3]),
+    ):
+        assert float(rows[7][head]) == pytest.approx(value, rel=1e-6)
     named = list(csv.DictReader(index.read_text().splitlines()))
     assert named[2]["file"] == tables[2].name
     assert float(named[2]["vx [m/s]"]) == pytest.approx(
@@ -248,6 +275,8 @@ def test_mjlab_finds_its_arrays(plan, motions, tmp_path):
         assert found["joint_vel"] == pytest.approx(motions[2].qvel[:, 6:], abs=1e-5)
         trunk = found["body_quat_w"][:, 0]
         assert trunk == pytest.approx(motions[2].qpos[:, 3:7], abs=1e-5)
+        rates = found["body_ang_vel_w"]
+        assert rates == pytest.approx(motions[2].body_rate, abs=1e-5)
 
 
 @pytest.mark.parametrize("to", sorted(FORMATS))
