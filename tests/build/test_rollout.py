@@ -154,6 +154,7 @@ def test_slippery_ground_costs_more(source, walk):
     dry, wet = (source.measure(walk, World(friction=f)) for f in (0.8, 0.02))
     assert not dry.fell
     assert wet.fell or np.linalg.norm(wet.advance - dry.advance) > 0.01
+    assert np.nanmean(wet.cost) > np.nanmean(dry.cost)
 
 
 def test_a_fall_before_the_first_step_costs_the_first_step(source, walk):

@@ -8,6 +8,7 @@ import pytest
 from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.analysis.walk_metrics import summarise
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.build import trial
 from gaitchain.build.rollout import WorldRange
 from gaitchain.build.stride import MODEL_ERROR
 from gaitchain.build.trial import Trial, draw_world, run_trials
@@ -69,9 +70,17 @@ def test_worlds_vary_as_asked(library, runs):
     assert nominal.distance_m != runs[0].distance_m
 
 
-def test_the_policy_is_passed_on(library, runs):
+def test_the_policy_is_passed_on(library, runs, monkeypatch):
+    asked = []
+
+    def noted(*given, **options):
+        asked.append(options.get("policy", given[1] if len(given) > 1 else None))
+        return Walker(*given, **options)
+
+    monkeypatch.setattr(trial, "Walker", noted)
     (run,) = run_trials(Trial(library, policy="greedy"), 1, 4, 1)
     assert run.schedule == runs[0].schedule
+    assert asked == ["greedy"]
 
 
 def test_weak_servos_fall_with_a_cause(library):

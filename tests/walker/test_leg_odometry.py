@@ -75,6 +75,25 @@ def test_the_covariance_grows_with_the_way(walk):
     assert told[-1].distance > told[300].distance > 0.0
 
 
+def test_the_covariance_is_that_of_the_documented_drift(library):
+    """docs/ros2.md: 0.8 % of the way, 0.5 % aside, 0.1 deg a metre, 0.7 % of a turn."""
+    odometry, ahead = LegOdometry(library, 0.01), np.array([0.01, 0.0])
+    veer = math.radians(0.1)
+    for _ in range(200):
+        odometry._grow(ahead, 0.0)
+    found = odometry.latest
+    xx, _, yy, _, _, tt = found.covariance
+    assert found.distance == pytest.approx(2.0)
+    assert math.sqrt(xx) == pytest.approx(math.hypot(0.005, 0.008 * 2.0), rel=0.01)
+    aside = math.hypot(0.005, 0.005 * 2.0, 0.5 * veer * 2.0**2)
+    assert math.sqrt(yy) == pytest.approx(aside, rel=0.01)
+    assert math.sqrt(tt) == pytest.approx(math.hypot(veer, veer * 2.0), rel=0.01)
+    for _ in range(100):
+        odometry._grow(np.zeros(2), 0.03)
+    turned = math.hypot(veer, veer * 2.0, 0.007 * 3.0)
+    assert math.sqrt(odometry.latest.covariance[5]) == pytest.approx(turned, rel=0.01)
+
+
 def test_a_reset_begins_anew(walk, library):
     walker = walk[0]
     walker.reset()
