@@ -73,6 +73,17 @@ def test_gymnasium_finds_no_fault(action):
         check_env(gymnasium.make(WALK, action=action).unwrapped)
 
 
+def test_an_episode_is_cut_off_after_ten_seconds():
+    env = gymnasium.make(WALK, command=(0.0, 0.0, 0.0), random_world=False)
+    env.reset(seed=0)
+    ends = []
+    while not ends or not any(ends[-1]):
+        _, _, fell, late, _ = env.step(np.zeros(env.action_space.shape, np.float32))
+        ends.append((fell, late))
+    assert len(ends) == 1000
+    assert ends[-1] == (False, True)
+
+
 def test_registered_twice_is_registered_once():
     before = gymnasium.registry[WALK]
     register()

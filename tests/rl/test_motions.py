@@ -407,3 +407,17 @@ def test_what_cannot_be_written_is_refused(words, says, capsys, tmp_path, monkey
     monkeypatch.setattr(export_motions, "record_motions", None)  # nothing is walked
     assert run(["export", "res", *words.split()]) == 2
     assert says in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("to", sorted(FORMATS))
+def test_nothing_is_written_where_a_motion_falls(
+    motions, monkeypatch, tmp_path, capsys, to
+):
+    came = [*motions[:-1], replace(motions[-1], fell=True)]
+    monkeypatch.setattr(export_motions, "record_motions", lambda *_: iter(came))
+    kind = FORMATS[to]
+    path = tmp_path / f"f{kind.suffix}" if kind.suffix else tmp_path / "out"
+    words = ["export", "res", "--to", to, "-o", str(path), "--grid", "3,1,1"]
+    assert run([*words, "--seconds", "1.5", "--rate", str(HZ)]) == 1
+    assert "nothing written: 1 of 3 motions fell" in capsys.readouterr().out
+    assert not [p for p in tmp_path.rglob("*") if p.is_file()]

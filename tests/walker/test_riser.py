@@ -19,10 +19,10 @@ def way(angles):
     return Way((TimedPose(0.4, angles), TimedPose(0.6, STAND)), 20, 20)
 
 
-def riser(*sides):
+def riser(*sides, period_s=0.01):
     ways = {"front": way(FRONT), "back": way(BACK)}
     known = {side: ways[side] for side in sides or ways}
-    return Riser(GetUp("toy", "f", ("left", "right"), STAND, known))
+    return Riser(GetUp("toy", "f", ("left", "right"), STAND, known), period_s)
 
 
 def sensors(acceleration, joints=STAND):
@@ -54,6 +54,35 @@ def test_it_takes_the_way_from_what_it_lies_on(side, pose):
     fastest = np.abs(np.diff(targets, axis=0)).max()
     assert fastest < 0.04  # no jump: 1.2 rad in 0.4 s
     assert rises.step(sensors(UPRIGHT)) == pytest.approx(STAND)
+
+
+@pytest.mark.parametrize("period_s", [0.01, 0.004])
+def test_it_takes_as_long_at_every_rate(period_s):
+    """1.5 s to the lying pose, 1 s of rest, the way of 1 s, and 1 s of standing."""
+    rises, states = riser(period_s=period_s), []
+
+    def feels(one):
+        states.append(one.state)
+        return UPRIGHT if one.state is Rising.GETTING_UP else DOWN["front"]
+
+    targets = play(rises, feels)
+    assert rises.state is Rising.UP
+    assert len(targets) * period_s == pytest.approx(4.5, abs=3.0 * period_s)
+    lay_s = states.count(Rising.STRAIGHTENING) * period_s
+    assert lay_s == pytest.approx(2.5, abs=3.0 * period_s)
+
+
+def test_a_knock_is_not_how_it_lies():
+    """One sample, at the moment of the choice, among those of a fifth of a second."""
+    rises = riser()
+
+    def feels(one):
+        knocked = one._next == len(one._rows) and one.state is Rising.STRAIGHTENING
+        lies = UPRIGHT if one.state is Rising.GETTING_UP else DOWN["front"]
+        return UPRIGHT if knocked else lies
+
+    play(rises, feels)
+    assert (rises.side, rises.state, rises.tries) == ("front", Rising.UP, 1)
 
 
 def test_it_has_to_begin_before_it_steps():
