@@ -174,6 +174,30 @@ def test_an_imu_that_is_turned_measures_in_the_pelvis_frame(toy_library):
     np.testing.assert_allclose(robot.read().angular_velocity, expected, atol=1e-9)
 
 
+def test_actuators_with_a_delay_hold_the_robot_from_the_first_period_on(toy_library):
+    """MuJoCo's buffer began with set-points of 0, and the robot fell at once."""
+    text = toy().replace("<worldbody>", f"<worldbody>{FLOOR}")
+    spec = mujoco.MjSpec.from_string(text)
+    for actuator in spec.actuators:
+        actuator.delay, actuator.nsample = 0.03, 20
+    robot = ModelBackend(spec.compile(), toy_library)
+    stand = np.array(robot.read().joint_position)
+    robot.connect(stand)
+    off = []
+    for _ in range(100):
+        robot.write(stand)
+        off.append(np.abs(robot.read().joint_position - stand).max())
+    assert not robot.fallen
+    assert np.degrees(max(off)) < 2.0
+    robot.release()
+    robot.write(stand)
+    assert not robot.loads().any()
+    held = np.array(robot.read().joint_position)
+    robot.engage()
+    robot.write(stand)
+    assert np.degrees(np.abs(robot.read().joint_position - held).max()) < 2.0
+
+
 def test_it_lets_go_and_takes_hold_again(toy_library):
     robot = ModelBackend(model_of(toy()), toy_library)
     stand = Walker(toy_library, joint_names=robot.joint_names).stand

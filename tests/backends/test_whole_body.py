@@ -1,5 +1,7 @@
 """The robot in its own model under a live loop, against the skeleton's own backend."""
 
+import copy
+
 import numpy as np
 import pytest
 
@@ -118,6 +120,28 @@ def test_a_push_gives_its_impulse_whatever_the_period(res_library, period_s):
             robot.write(stand)
             given += period_s * robot.data.xfrc_applied[:, :3].sum(axis=0)
     assert np.linalg.norm(given) == pytest.approx(3.0, rel=0.01)
+
+
+def test_a_push_is_on_the_trunks_com_and_not_on_its_lowest_link(toy_body, toy_library):
+    """As in the skeleton, whose trunk is all but the legs: here its arms, too."""
+    model = copy.copy(toy_body.model)
+    legs = {body for side in toy_body._sides for body in side}
+    trunk = [b for b in range(1, model.nbody) if b not in legs]
+    arms = [b for b in trunk if 0.0 < model.body_mass[b] < 1.0]
+    model.body_ipos[arms, 2] += 0.5  # raised
+    robot = WholeBodyBackend(model, toy_library)
+    robot.connect(np.array(toy_library.robot.legs.stand))
+    robot.push(3.0, 0.0)
+    robot.write(np.array(toy_library.robot.legs.stand))
+    data, mass = robot.data, model.body_mass[trunk]
+    com = mass @ data.xipos[trunk] / mass.sum()
+    base = robot._body.in_model.base
+    assert com[2] - data.xipos[base, 2] > 0.05, "else nothing is shown"
+    forces = data.xfrc_applied[:, :3]
+    moment = np.cross(data.xipos, forces).sum(axis=0)
+    total = forces.sum(axis=0)
+    assert total[0] == pytest.approx(30.0, rel=0.01)
+    np.testing.assert_allclose(moment, np.cross(com, total), atol=1e-9)
 
 
 def test_what_its_model_has_not_is_refused(toy_body):

@@ -30,11 +30,12 @@ from gaitchain.robot.identified import (
     unsure_numbers,
 )
 from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
+from gaitchain.robot.turn import turn_matrix
 from gaitchain.sim.model import build_model
 from gaitchain.sim.push import Push
 from gaitchain.sim.robot_faults import likely_robot, plays
 from gaitchain.sim.world import DISTURBANCES, World
-from gaitchain.walker.mounting import Mounting, turned
+from gaitchain.walker.mounting import Mounting
 from gaitchain.walker.walker import Walker
 
 RES = load_box_robot("res")
@@ -179,7 +180,7 @@ def test_the_simulator_shows_what_was_identified():
     np.testing.assert_allclose(backend.joints, stand - FOUND.offset, atol=1e-12)
     quaternion = build_model(MINE).site("imu").quat
     turn = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
-    np.testing.assert_allclose(turn, turned(FOUND.tilt), atol=1e-9)
+    np.testing.assert_allclose(turn, turn_matrix(FOUND.tilt), atol=1e-9)
     assert backend.world.delay_s == FOUND.delay_s
     mine, plain = (build_model(robot).body("trunk") for robot in (MINE, RES))
     np.testing.assert_allclose(mine.ipos - plain.ipos, FOUND.com, atol=1e-12)
@@ -209,6 +210,17 @@ def test_an_imu_is_late_by_the_nearest_number_of_periods(late_s, periods):
     found = replace(Identified.of_file(12), imu_delay_s=late_s)
     world = MujocoBackend(RES.as_identified(found), World(imu_delay_s=0.01)).world
     assert world.imu_delay_s == pytest.approx(0.01 * (1 + periods))
+
+
+@pytest.mark.parametrize(
+    ("period_s", "late_s", "shown_s"),
+    [(0.008, 0.005, 0.008), (0.002, 0.006, 0.006), (0.004, 0.0055, 0.004)],
+)
+def test_an_imu_is_late_by_periods_of_the_simulation(period_s, late_s, shown_s):
+    """They were rounded to those of 10 ms, and so to none."""
+    found = replace(Identified.of_file(12), imu_delay_s=late_s)
+    backend = MujocoBackend(RES.as_identified(found), World(), period_s=period_s)
+    assert backend.world.imu_delay_s == pytest.approx(shown_s)
 
 
 def test_a_world_adds_to_what_was_identified():

@@ -247,6 +247,21 @@ def test_punches_begin_when_they_are_asked_for_and_end_so() -> None:
     assert not backend.take_punches()
 
 
+def test_punches_keep_their_own_duration_where_something_else_changes() -> None:
+    backend = MujocoBackend(RES, World(punches=Punches(5.0, 2.0, 0.3)))
+    backend.connect(np.array(RES.legs.stand))
+    now = backend.disturbances
+    backend.disturb(Disturbances(now.punches, now.arms, 0.1))
+    assert backend.world.punches == Punches(5.0, 2.0, 0.3)
+    assert backend.world.payload == 0.1
+
+
+def test_punches_that_last_longer_than_their_interval_are_refused() -> None:
+    """What was left of each was lost."""
+    with pytest.raises(CommandError, match=r"duration_s is 1\.5, must be at most ever"):
+        Punches(5.0, 1.0, 1.5)
+
+
 def test_a_robot_is_pushed_and_punched_after_any_time() -> None:
     backend = _standing()
     backend.model.opt.gravity[:] = 0.0

@@ -149,6 +149,11 @@ class ModelBackend(SimulatedMotors):
         self._aim(self.data.qpos[self._qpos])
         self._turn_on()
 
+    def release(self) -> None:
+        """Turn all actuators off."""
+        super().release()
+        self.data.qfrc_actuator[:] = 0.0  # that of the last time step until now
+
     def loads(self) -> Array:
         """Return the joints' torques (n,) [N m]."""
         return np.array(self.data.qfrc_actuator[self._dofs])
@@ -228,6 +233,11 @@ class ModelBackend(SimulatedMotors):
         data.ctrl[self._servos] = self._told.of(position[self._rows])
         memory = self.model.actuator_actadr[self._servos]
         data.act[memory[memory >= 0]] = data.ctrl[self._servos[memory >= 0]]
+        for servo in self._servos.tolist():  # those with MuJoCo's `delay`
+            samples = int(self.model.actuator_history[servo, 0])
+            if samples:
+                held = np.full(samples, data.ctrl[servo])
+                mujoco.mj_initCtrlHistory(self.model, data, servo, None, held)
 
     def _read_imu(self) -> tuple[Array, Array]:
         """Return the model's gyro and accelerometer, in the pelvis frame."""

@@ -89,7 +89,7 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         """
         world = world or World()
         robot = likely_robot(given_robot(robot, CommandError), world)
-        self.world = world_of(robot, world)
+        self.world = world_of(robot, world, period_s)
         self._substeps = count_steps(period_s, self.world.timestep)
         known = robot.identified is not None
         self._has_servo_faults = known or self.world.has_servo_faults
@@ -169,7 +169,8 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
     def read(self) -> Sensors:
         """Return joint positions and velocities, gyro, accelerometer, sole loads.
 
-        Repeated reads in one control period return the same numbers.
+        Repeated reads in one control period return the same numbers. MuJoCo measures
+        gyro and accelerometer at the begin of its last time step.
         """
         noise = self._noise
         found = Sensors(
@@ -284,7 +285,9 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         Raises:
             CommandError: a number is outside its limits.
         """
-        punches = None if wanted.punches is None else wanted.punches.checked()
+        punches = self.world.punches  # with their own duration
+        if wanted.punches != self.disturbances.punches:
+            punches = None if wanted.punches is None else wanted.punches.checked()
         self.world = replace(
             self.world, punches=punches, arms=wanted.arms, payload=wanted.payload
         )

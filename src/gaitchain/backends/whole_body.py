@@ -58,6 +58,11 @@ class WholeBodyBackend(SimulatedMotors):
         self._feet = [self._beyond(end) for end in ends]
         roots = joints[0], joints[half]
         self._sides = [set(self._beyond(root)) for root in roots]
+        legs_bodies = self._sides[0] | self._sides[1]
+        of_base = subtree(self.model, self._body.in_model.base)
+        self._trunk = [body for body in of_base if body not in legs_bodies]
+        masses = self.model.body_mass[self._trunk]
+        self._trunk_parts = masses / masses.sum()
         self._sole_corners = _corners(self._legs)
         self._pushes: list[Push] = []
 
@@ -85,13 +90,15 @@ class WholeBodyBackend(SimulatedMotors):
 
     def write_whole(self, position: Array) -> None:
         """Hold targets of all joints [rad] for one control period of physics."""
-        base, now_s = self._body.in_model.base, float(self.data.time)
+        now_s = float(self.data.time)
         self._pushes = [push for push in self._pushes if push.ends_s > now_s]
         impulse = np.zeros(3)
         for push in self._pushes:
             part = push.impulse_within(now_s, now_s + self._period_s)
             impulse += part * np.array(push.axis(self._heading))
-        self.data.xfrc_applied[base, :3] = impulse / self._period_s
+        # By mass, so that it is the trunk's CoM that is pushed, waist or not.
+        forces = np.outer(self._trunk_parts, impulse / self._period_s)
+        self.data.xfrc_applied[self._trunk, :3] = forces
         self._body.write(position)
 
     def engage(self) -> None:

@@ -69,6 +69,7 @@ class _Lying(NamedTuple):
     mass: Array
     inertia: Array
     friction: Array
+    pair_friction: Array
 
 
 class FallenRobot:
@@ -100,6 +101,7 @@ class FallenRobot:
         model = self.backend.model
         self._mass, self._inertia = model.body_mass.copy(), model.body_inertia.copy()
         self._friction = model.geom_friction.copy()
+        self._pair_friction = model.pair_friction.copy()
         self._lying: dict[tuple[Side, Start], _Lying] = {}
         legs = library.robot.legs
         self.leg_rows = tuple(names.index(name) for name in legs.joint_names)
@@ -211,7 +213,9 @@ class FallenRobot:
         factor = 1.0 + rng.uniform(-_LINKS, _LINKS, model.nbody)
         model.body_mass[:] = factor * self._mass
         model.body_inertia[:] = factor[:, None] * self._inertia
-        model.geom_friction[:] = rng.uniform(_LEAST_GRIP, 1.0) * self._friction
+        grip = rng.uniform(_LEAST_GRIP, 1.0)
+        model.geom_friction[:] = grip * self._friction
+        model.pair_friction[:] = grip * self._pair_friction
         mujoco.mj_setConst(model, backend.data)
         angles = self.stand + rng.uniform(-_JOINT, _JOINT, len(self.stand))
         angles = np.clip(angles, self.lower, self.upper)
@@ -225,7 +229,8 @@ class FallenRobot:
     def _noted(self) -> _Lying:
         model = self.backend.model
         masses = model.body_mass.copy(), model.body_inertia.copy()
-        return _Lying(self.state, *masses, model.geom_friction.copy())
+        grips = model.geom_friction.copy(), model.pair_friction.copy()
+        return _Lying(self.state, *masses, *grips)
 
     @property
     def state(self) -> Array:
@@ -251,6 +256,7 @@ class FallenRobot:
         model, data = self.backend.model, self.backend.data
         model.body_mass[:], model.body_inertia[:] = lying.mass, lying.inertia
         model.geom_friction[:] = lying.friction
+        model.pair_friction[:] = lying.pair_friction
         mujoco.mj_setConst(model, data)
         mujoco.mj_setState(model, data, lying.state, _STATE)
         mujoco.mj_forward(model, data)

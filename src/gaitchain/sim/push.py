@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated
 
+from gaitchain.errors import CommandError
 from gaitchain.gait.limits import Limits, check_numbers
 
 
@@ -83,9 +84,15 @@ class Punches:
         """Refuse what cannot be.
 
         Raises:
-            CommandError: a number is outside its limits.
+            CommandError: a number is outside its limits, or they last longer than from
+                one to the next.
         """
         check_numbers(self)
+        if self.duration_s > self.every_s:
+            raise CommandError(
+                f"duration_s is {self.duration_s:g}, must be at most every_s, "
+                f"{self.every_s:g}"
+            )
 
     def __str__(self) -> str:
         return f"of up to {self.most_ns:.3g} N s every {self.every_s:g} s"

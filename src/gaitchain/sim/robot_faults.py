@@ -18,18 +18,23 @@ _FOUND = (
 _OF_ALL = "delay_s", "stiction", "viscous_friction"
 
 
-def world_of(robot: Robot, world: World) -> World:
+def world_of(robot: Robot, world: World, period_s: float = CONTROL_PERIOD_S) -> World:
     """Return a world with what was identified of all servos and the IMU, in addition.
 
     No more than a world may have of each. A world's IMU is late by whole control
     periods, upwards: what was identified counts as the nearest number of them.
+
+    Args:
+        robot: the robot.
+        world: in which it is.
+        period_s: control period of the simulation [s].
     """
     found = robot.identified
     if found is None:
         return world
     sums = {n: getattr(world, n) + getattr(found, n) for n in _OF_ALL}
-    periods = round(found.imu_delay_s / CONTROL_PERIOD_S)
-    sums["imu_delay_s"] = world.imu_delay_s + periods * CONTROL_PERIOD_S
+    late_s = period_s * round(found.imu_delay_s / period_s)
+    sums["imu_delay_s"] = world.imu_delay_s + late_s
     # Whoever gives a world at its limit gave no sum, which the world would refuse.
     return replace(world, **{n: min(total, _most(n)) for n, total in sums.items()})
 

@@ -231,8 +231,8 @@ class World:
     sag: Annotated[
         float,
         Disturbance(
-            help="Part of torque and speed that is lost while all servos pull with all "
-            "they have, as the battery's voltage falls.",
+            help="Voltage lost while all servos pull with all they have, as a part of "
+            "what is left then: torque and speed fall to 1 / (1 + sag).",
             label="voltage sag",
             option="sag",
             limits=Limits(0.0, 0.9),
