@@ -706,7 +706,7 @@ def test_an_imu_is_asked_though_the_wait_for_servos_is_used_up(monkeypatch):
     """By servos that do not know fast sync reads, on a bus that is slow to say so."""
     with bench(TURN(few(2), imu=IMU)) as (bus, robot, _):
         bus.bus.fast = False
-        for name, wait_s in (("_IDLE_PATIENCE_S", 0.3), ("_MISSING_WAIT_S", 0.5)):
+        for name, wait_s in (("_IDLE_PATIENCE_S", 1.2), ("_MISSING_WAIT_S", 2.0)):
             monkeypatch.setattr(f"gaitchain.backends.dynamixel.backend.{name}", wait_s)
         robot.connect(np.zeros(2))
         assert not robot.load.fast
