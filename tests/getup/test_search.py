@@ -99,6 +99,34 @@ def test_the_same_start_is_the_same_world(robot):
     assert seen[0][1] == seen[1][1] != robot.backend.model.body_mass[1]
 
 
+def test_the_floors_friction_is_drawn_for_contact_pairs_too(toy_path, tmp_path):
+    """MuJoCo takes the friction of a pair from the pair alone."""
+    text = toy_path.read_text()
+    for side in ("left", "right"):
+        at = text.index('<geom type="box" size="0.09', text.index(f'name="{side}6"'))
+        text = f'{text[:at]}<geom name="{side}_sole"{text[at + len("<geom") :]}'
+    grip = 'friction="0.9 0.9 0.01 0.001 0.001"'
+    pairs = "".join(
+        f'<pair geom1="{side}_sole" geom2="ground" {grip}/>'
+        for side in ("left", "right")
+    )
+    floor = '<geom name="ground" type="plane" size="0 0 1"/>'
+    text = text.replace("<worldbody>", f"<worldbody>{floor}", 1)
+    text = text.replace("<actuator>", f"<contact>{pairs}</contact><actuator>", 1)
+    (tmp_path / "pairs.xml").write_text(text)
+    library = planned_library(load_robot(tmp_path / "pairs.xml"))
+    robot = FallenRobot(tmp_path / "pairs.xml", library)
+    model, grips = robot.backend.model, []
+    assert model.npair == 2
+    plain = model.geom_friction[:, 0].max()
+    for start in ((1, 0), (1, 1), (1, 0)):
+        robot.lie("back", start)
+        grips.append(float(model.geom_friction[:, 0].max() / plain))
+        np.testing.assert_allclose(model.pair_friction[:, :2], 0.9 * grips[-1])
+    assert grips[0] == grips[2] != grips[1]
+    assert 0.6 <= min(grips) < 1.0
+
+
 @pytest.mark.parametrize(("length", "help_"), [(0.1, False), (0.2, True)])
 def test_legs_pitch_and_arms_help_that_are_long(
     toy_path, toy_library, tmp_path, length, help_

@@ -136,6 +136,13 @@ def test_damaged_facts_are_refused(name, value):
         identified_from({**FOUND.facts(), name: value}, 12)
 
 
+def test_a_missing_number_is_named_and_not_those_that_may_be():
+    facts = {name: value for name, value in FOUND.facts().items() if name != "tilt"}
+    with pytest.raises(RobotFileError, match="tilt") as refused:
+        identified_from(facts, 12)
+    assert "turnaround" not in str(refused.value)
+
+
 @pytest.mark.parametrize(
     "sd",
     [-0.1, math.nan, math.inf, pytest.param(10**400, id="huge"), "much", [0.1], None],

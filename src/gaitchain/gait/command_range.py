@@ -47,6 +47,11 @@ class CommandRange:
         """The same, widened to include 0, as a stop is always allowed."""
         return tuple((min(low, 0.0), max(high, 0.0)) for low, high in self.ends)
 
+    @property
+    def both_ways(self) -> tuple[bool, ...]:
+        """Whether each of vx, vy and yaw rate goes both ways."""
+        return tuple(low < 0.0 < high for low, high in self.ends)
+
     def within(self, other: "CommandRange") -> "CommandRange":
         """Return the speeds that are in both ranges, with the crouch of this one."""
         pairs = zip(self.ends, other.ends, strict=True)

@@ -57,7 +57,7 @@ class Trip:
         here, most = self._walker.place, self._walker.command_range
         # Who walks in every direction has a way to every place, and a control period is
         # too short to look for a thousand.
-        everywhere = all(end for ends in most.ends for end in ends)
+        everywhere = all(most.both_ways)
         for number, place in enumerate(places, start=1):
             name = f"place {number}"
             check_place(place, name)

@@ -168,8 +168,9 @@ def identified_from(facts: Any, joints: int) -> Identified:
     if not isinstance(facts, dict):
         raise RobotFileError(f"what was identified is {facts!r:.80}, must be a table")
     facts = _NEW | _of_now(facts, joints)
-    if set(facts) | {_SELDOM} != wanted:
-        raise RobotFileError(f"identified numbers {names_apart(facts, wanted)}")
+    given = {*facts, _SELDOM}
+    if given != wanted:
+        raise RobotFileError(f"identified numbers {names_apart(given, wanted)}")
     found: dict[str, Any] = {}
     for name, value in facts.items():
         numbers = _numbers(name, value)

@@ -61,8 +61,8 @@ def near_of(library: GaitLibrary) -> "Near":
     Who does not walk to all sides has to turn for what is left of a way, and a turn on
     the spot moves the robot, too.
     """
-    everywhere = all(end for ends in library.command_range.ends[:2] for end in ends)
-    part = _NEAR if everywhere else _NEAR_FACING
+    ahead, aside, _ = library.command_range.both_ways
+    part = _NEAR if ahead and aside else _NEAR_FACING
     return Near(part * library.robot.reduced.leg_length, _NEAR_TURN)
 
 
