@@ -1,9 +1,12 @@
 """The robot in its own model under a live loop, against the skeleton's own backend."""
 
 import copy
+from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from gaitchain.backends.base import SimulatedTruth, WholeBodied
 from gaitchain.backends.mujoco import MujocoBackend
@@ -60,6 +63,40 @@ def test_its_truth_is_that_of_the_skeleton_where_that_is_its_model(res_library):
     assert found.self_contact == known.self_contact
     np.testing.assert_array_equal(found.whole, whole.data.qpos)
     np.testing.assert_allclose(whole.loads(), skeleton.loads(), atol=2.0)
+
+
+@pytest.mark.parametrize("roll", [-0.2, 0.0, 0.2])
+def test_soles_that_taper_are_measured_at_their_corners(toy_library, toy_body, roll):
+    robot = toy_library.robot
+    half, (rear, toe) = 0.5 * robot.reduced.sole_width, robot.reduced.sole_x
+    soles = (
+        ((rear, 0.0), (toe, -half), (toe, half)),
+        ((rear, -half), (toe, -half), (toe, half), (rear, half)),
+    )
+    tapers = replace(robot, legs=replace(robot.legs, soles=soles))
+    poses = replace(toy_library.poses, robot=tapers)
+    body = WholeBodyBackend(toy_body.model, replace(toy_library, poses=poses))
+    body.connect(np.array(robot.legs.stand))
+    at = body.model.jnt_qposadr[body.free_joint]
+    tilted = Rotation.from_euler("x", roll) * Rotation.from_quat(
+        body.data.qpos[at + 3 : at + 7], scalar_first=True
+    )
+    body.data.qpos[at + 3 : at + 7] = tilted.as_quat(scalar_first=True)
+    mujoco.mj_forward(body.model, body.data)
+    truth = body.truth()
+    feet = zip(
+        soles,
+        np.reshape(truth.place, (2, 3)),
+        np.reshape(truth.turn, (2, 3, 3)),
+        strict=True,
+    )
+    below = -robot.reduced.ankle_height
+    heights = [
+        min((ankle + turn @ (x, y, below))[2] for x, y in sole)
+        for sole, ankle, turn in feet
+    ]
+    np.testing.assert_allclose(truth.foot_height, heights, atol=1e-9)
+    assert roll == 0.0 or abs(heights[0] - heights[1]) > 0.005
 
 
 def test_the_walker_has_the_legs_and_the_others_are_held(toy_body, toy_library):

@@ -159,6 +159,33 @@ def test_only_soles_and_trunk_touch_only_the_floor(pair, seed):
     assert min(below) < 0.0, "and so do its legs"
 
 
+POINTED = ((-0.03, 0.0), (0.1, -0.03), (0.1, 0.03))
+EVEN = ((-0.03, -0.03), (0.1, -0.03), (0.1, 0.03), (-0.03, 0.03))
+
+
+@pytest.mark.parametrize(("ankle", "roll"), [(5, -0.2), (5, 0.2), (11, 0.2), (5, 0.0)])
+def test_soles_that_taper_are_measured_to_the_balls_that_they_stand_on(ankle, roll):
+    robot = with_legs(SAME, replace(SAME.legs, soles=(POINTED, EVEN)))
+    backend = MujocoBackend(robot)
+    position = np.zeros(12)
+    position[ankle] = roll
+    backend.connect(position)
+    model, data = backend.model, backend.data
+    floor = model.geom("floor").id
+
+    def above(side, corners):
+        balls = [model.geom(f"{side}_corner_{i + 1}").id for i in range(len(corners))]
+        return min(
+            mujoco.mj_geomDistance(model, data, ball, floor, 1.0, None)
+            for ball in balls
+        )
+
+    gaps = [above("left", POINTED), above("right", EVEN)]
+    np.testing.assert_allclose(backend.sole_heights(), gaps, atol=1e-9)
+    assert min(gaps) == pytest.approx(0.0, abs=1e-9), "it is put on the lower one"
+    assert (max(gaps) > 0.004) is bool(roll)
+
+
 def uneven(seed=0):
     """RES with servos and ranges that are unlike at every joint."""
     rng = np.random.default_rng(seed)

@@ -10,6 +10,7 @@ from gaitchain.balance.leg_kinematics import Legs, legs_of, posture
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Sensors
+from gaitchain.robot.leg_model import Soles
 from gaitchain.sim.bodies import check_body, subtree
 from gaitchain.sim.push import Push
 from gaitchain.sim.rotation import quaternion
@@ -63,7 +64,7 @@ class WholeBodyBackend(SimulatedMotors):
         self._trunk = [body for body in of_base if body not in legs_bodies]
         masses = self.model.body_mass[self._trunk]
         self._trunk_parts = masses / masses.sum()
-        self._sole_corners = _corners(self._legs)
+        self._sole_corners = _corners(library.robot.legs.soles, self._legs)
         self._pushes: list[Push] = []
 
     def connect(self, position: Array) -> None:
@@ -245,11 +246,17 @@ class WholeBodyBackend(SimulatedMotors):
         )
 
 
-def _corners(legs: Legs) -> Array:
-    """Return the corners of a sole, from its ankle along its axes (4, 3) [m]."""
-    ends = [(x, y) for x in (legs.sole_rear, legs.sole_front) for y in (-1.0, 1.0)]
-    rows = [(x, y * legs.sole_half_width, -legs.ankle_height) for x, y in ends]
-    return np.array(rows)
+def _corners(soles: Soles, legs: Legs) -> Array:
+    """Return the corners of both soles, from the ankle along its axes (2, n, 3) [m].
+
+    A sole with fewer corners than the other one counts its first again.
+    """
+    half = legs.sole_half_width
+    box = [(x, y) for x in (legs.sole_rear, legs.sole_front) for y in (-half, half)]
+    found = [list(sole) for sole in soles] or [box, box]
+    most = max(map(len, found))
+    even = [of + of[:1] * (most - len(of)) for of in found]
+    return np.array([[(x, y, -legs.ankle_height) for x, y in of] for of in even])
 
 
 def _tilt(turn: Array) -> tuple[float, float]:

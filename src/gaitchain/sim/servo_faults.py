@@ -8,7 +8,8 @@ A servo of stiffness kp and damping kv, set-point s and angle q pushes with
 
 MuJoCo's own servo has neither (2) nor (3) nor the torque-speed line of (1), so the
 difference is added as an outside torque, time step by time step. Dry friction is that
-of MuJoCo's joints, larger at rest by Stribeck's law [Duclusaud24],
+of MuJoCo's joints, so stiff that a joint which it holds turns by less than 0.1 deg/s
+(`scene.add_servo`), and larger at rest by Stribeck's law [Duclusaud24],
 
     tau_f = tau_dry (1 + stiction exp(-(q' / v_s)^2))                            (4)
 
@@ -42,7 +43,6 @@ from gaitchain.sim.world_draws import (
 
 _STRIBECK = 0.3  # rad/s, v_s; 0.14 to 1.1 for four servos in [Duclusaud24]
 _SLEW = 1  # index of a servo's speed limit in MuJoCo's actuator_dynprm
-_DRY = 6  # row of the servos' dry friction
 _FREE = 6  # degrees of freedom of the trunk
 _SLACK_S = 1e-9  # times are sums of time steps
 
@@ -146,9 +146,10 @@ class ServoFaults:
                 world.timestep * model.actuator_dynprm[:, _SLEW],
                 world.no_load * speeds,
                 play,
-                legs.friction_loss + world.dry_friction * most,
+                *model.actuator_ctrlrange.T,
             ]
         )
+        self._dry = legs.friction_loss + world.dry_friction * most
         self._sagging, self._on = np.array([world.sag, 0.0]), True
         limited = math.isfinite(world.no_load)
         self._corrected = bool(play.any() or world.sag or limited)
@@ -161,7 +162,7 @@ class ServoFaults:
             if target is not None:
                 self._targets[:] = target
         if self._world.stiction:
-            _stick(self._servos[_DRY], self._world.stiction, self._rates, self._loss)
+            _stick(self._dry, self._world.stiction, self._rates, self._loss)
         if self._corrected and self._on:
             self.correct()
 
@@ -210,8 +211,8 @@ def _correct(
     """Write what is missing of (1) to the torque of MuJoCo's servos.
 
     Args:
-        servos: (7, 2 n) kp, kv, torque limit, most that a set-point moves in a time
-            step, speed without load, half the play [rad], dry friction.
+        servos: (8, 2 n) kp, kv, torque limit, most that a set-point moves in a time
+            step, speed without load, half the play, ends of the range [rad].
         sagging: (2,) sag, and the part of all torque that is used, which is updated.
         aims: (2 n,) set-points [rad].
         targets: (2 n,) [rad].
@@ -222,9 +223,10 @@ def _correct(
     left = 1.0 - sagging[0] * sagging[1]
     used = whole = 0.0
     for j in range(aims.shape[0]):
-        kp, kv, most, slew, no_load, play, _ = servos[:, j]
+        kp, kv, most, slew, no_load, play, lower, upper = servos[:, j]
         # MuJoCo pushes with the set-point that the time step ends with.
-        way = min(max(targets[j] - aims[j], -slew), slew)
+        target = min(max(targets[j], lower), upper)
+        way = min(max(target - aims[j], -slew), slew)
         slack = aims[j] + way - joints[j]
         resisting = kv * rates[j]
         ideal = min(max(kp * slack - resisting, -most), most)

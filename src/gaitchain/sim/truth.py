@@ -4,6 +4,7 @@ import math
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from gaitchain.messages import GRAVITY, Array
 from gaitchain.sim.stability import divergences
@@ -17,6 +18,8 @@ FALL_TILT = math.radians(45.0)
 _MIN_LOAD = 0.02  # of the weight; below it the ZMP is undefined
 _NEAR = 1e-3  # largest distance that is measured exactly [m]
 _CORNERS = np.array([[x, y, -1.0] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
+_DOWN = np.array([0.0, 0.0, -1.0])
+_SPHERE = mujoco.mjtGeom.mjGEOM_SPHERE
 
 
 class SimulatorTruth:
@@ -36,8 +39,10 @@ class SimulatorTruth:
         self.weigh()
         self.feet = [model.body(f"{s}_foot").id for s in ("left", "right")]
         """Bodies of the left and the right foot."""
-        self._soles = [model.geom(f"{s}_foot_box").id for s in ("left", "right")]
-        self._sole_corners = _CORNERS * model.geom_size[self._soles][:, None]
+        self._soles = _sole_geoms(model)
+        sizes = model.geom_size[self._soles]
+        self._round = bool((model.geom_type[self._soles] == _SPHERE).all())
+        self._sole_corners = sizes[..., :1] * _DOWN if self._round else _CORNERS * sizes
         self._leg_pairs = _leg_pairs(model)
         self._quaternion, self._wrenches = data.qpos[3:7], data.cfrc_ext
         self._divergences = divergences(data)
@@ -95,9 +100,11 @@ class SimulatorTruth:
         return np.asarray(heights.min(axis=1))
 
     def _corners(self) -> Array:
-        """Return the corners of both soles, (2, 4, 3) [m]."""
-        axes = self.data.geom_xmat[self._soles].reshape(2, 3, 3).swapaxes(1, 2)
-        centres = self.data.geom_xpos[self._soles][:, None]  # (2, 1, 3)
+        """Return the corners of both soles (2, 4, 3), or their balls (2, n, 3) [m]."""
+        centres = self.data.geom_xpos[self._soles]
+        if self._round:
+            return np.asarray(centres + self._sole_corners)
+        axes = self.data.geom_xmat[self._soles[:, 0]].reshape(2, 3, 3).swapaxes(1, 2)
         return np.asarray(centres + self._sole_corners @ axes)
 
     def foot_loads(self) -> Array:
@@ -150,6 +157,21 @@ class SimulatorTruth:
                 y + (torque[0] - z * force[1]) / force[2],
             ]
         )
+
+
+def _sole_geoms(model: mujoco.MjModel) -> NDArray[np.intp]:
+    """Return the box of each sole, or its balls where it tapers, (2, n).
+
+    A sole with fewer balls than the other one counts its first again.
+    """
+    found = []
+    for side in ("left", "right"):
+        foot = model.body(f"{side}_foot")
+        geoms = range(foot.geomadr[0], foot.geomadr[0] + foot.geomnum[0])
+        balls = [geom for geom in geoms if model.geom_type[geom] == _SPHERE]
+        found.append(balls or [model.geom(f"{side}_foot_box").id])
+    most = max(map(len, found))
+    return np.array([of + of[:1] * (most - len(of)) for of in found])
 
 
 def _leg_pairs(model: mujoco.MjModel) -> list[tuple[int, int]]:
