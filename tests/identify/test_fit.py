@@ -91,7 +91,7 @@ def test_what_the_log_does_not_tell_is_said(found):
 def test_what_is_unknown_is_that_of_each_number_in_its_own_unit(found):
     """In the order of the robot's joints, and of the axes."""
     said = [
-        number.sd / number.parameter.belief.scale
+        number.sd / number.parameter.prior.scale
         for name in UNSURE
         for number in found.numbers
         if number.parameter.name == name

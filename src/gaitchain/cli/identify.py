@@ -218,7 +218,7 @@ def _rows(numbers: Iterable[Found]) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for parameter, value, sd, told in numbers:
         shown = f"{value:.3g}" if told else f"({value:.3g})"
-        name, unit = _NAMES[parameter.name], parameter.belief.unit
+        name, unit = _NAMES[parameter.name], parameter.prior.unit
         rows.append((name, parameter.of, shown, f"{sd:.2g}", unit))
     return rows
 
@@ -230,6 +230,6 @@ def _plain(number: Found) -> dict[str, Any]:
         "of": parameter.of,
         "value": number.value,
         "sd": number.sd,
-        "unit": parameter.belief.unit,
+        "unit": parameter.prior.unit,
         "told": number.told,
     }

@@ -255,7 +255,7 @@ def _fit_of(
     values = parameters.values(belief.mean).tolist()
     deviations = np.sqrt(np.diag(belief.covariance)).tolist()
     numbers = tuple(
-        Found(p, p.show(value), p.show(p.belief.sd * sd), sd < _TOLD)
+        Found(p, p.show(value), p.show(p.prior.sd * sd), sd < _TOLD)
         for p, value, sd in zip(parameters.all, values, deviations, strict=True)
         if p.name != "lean"  # how a log was made, and of no number that is kept
     )
@@ -268,6 +268,6 @@ def _fit_of(
 def _factor(parameters: Parameters, covariance: Array) -> Array:
     """Return the factor of what is unknown of a robot, in the numbers' own units."""
     order = [i for name in UNSURE for i in parameters.places(name)]
-    sd = np.array([parameters.all[i].belief.sd for i in order])
+    sd = np.array([parameters.all[i].prior.sd for i in order])
     own = covariance[np.ix_(order, order)] * np.outer(sd, sd)
     return np.round(np.linalg.cholesky(own), _DIGITS)

@@ -10,7 +10,7 @@ from gaitchain.messages import Array
 from gaitchain.robot.identified import Identified
 
 
-class Belief(NamedTuple):
+class Prior(NamedTuple):
     """What is believed of a number before a log is read."""
 
     mean: float
@@ -30,24 +30,24 @@ _DEG = float(np.degrees(1.0))
 # quarter stiffer or softer, horns set to a degree or two, a battery moved. Gears of one
 # make wear alike, but for the one that was hit.
 _OF_JOINT = {
-    "gain": Belief(1.0, 0.25, 0.2, 4.0, "%", 100.0),
-    "offset": Belief(0.0, 0.026, -0.3, 0.3, "deg", _DEG),
-    "damping": Belief(1.0, 0.15, 0.2, 5.0, "%", 100.0, alike=0.8),
-    "backlash_deg": Belief(0.5, 0.6, 0.0, 5.0, "deg", alike=0.9),
-    "dry_friction": Belief(0.01, 0.02, 0.0, 0.3, "%", 100.0, alike=0.9),
+    "gain": Prior(1.0, 0.25, 0.2, 4.0, "%", 100.0),
+    "offset": Prior(0.0, 0.026, -0.3, 0.3, "deg", _DEG),
+    "damping": Prior(1.0, 0.15, 0.2, 5.0, "%", 100.0, alike=0.8),
+    "backlash_deg": Prior(0.5, 0.6, 0.0, 5.0, "deg", alike=0.9),
+    "dry_friction": Prior(0.01, 0.02, 0.0, 0.3, "%", 100.0, alike=0.9),
 }
 _OF_AXIS = {
-    "com": Belief(0.0, 0.015, -0.2, 0.2, "mm", 1000.0),
-    "tilt": Belief(0.0, 0.026, -0.3, 0.3, "deg", _DEG),
+    "com": Prior(0.0, 0.015, -0.2, 0.2, "mm", 1000.0),
+    "tilt": Prior(0.0, 0.026, -0.3, 0.3, "deg", _DEG),
 }
 _OF_ALL = {
-    "delay_s": Belief(0.015, 0.02, 0.0, 0.15, "ms", 1000.0),
-    "stiction": Belief(0.3, 0.5, 0.0, 5.0, "%", 100.0),
-    "viscous_friction": Belief(0.02, 0.04, 0.0, 0.5, "%", 100.0),
+    "delay_s": Prior(0.015, 0.02, 0.0, 0.15, "ms", 1000.0),
+    "stiction": Prior(0.3, 0.5, 0.0, 5.0, "%", 100.0),
+    "viscous_friction": Prior(0.02, 0.04, 0.0, 0.5, "%", 100.0),
 }
 _OF_TRUNK = {
-    "trunk_mass": Belief(1.0, 0.1, 0.3, 3.0, "%", 100.0),
-    "imu_delay_s": Belief(0.0, 0.01, 0.0, 0.15, "ms", 1000.0),
+    "trunk_mass": Prior(1.0, 0.1, 0.3, 3.0, "%", 100.0),
+    "imu_delay_s": Prior(0.0, 0.01, 0.0, 0.15, "ms", 1000.0),
 }
 OF_JOINTS = tuple(_OF_JOINT)
 """Names of the numbers that each joint has its own of."""
@@ -62,7 +62,7 @@ OF_ZEROS = "offset", "tilt", "lean"
 _PLAY = _OF_JOINT["backlash_deg"]
 USUAL_PLAY_RAD = (_PLAY.mean + 2.5 * _PLAY.sd) / _DEG
 """Most play that usual gears have, 2.5 deviations: 2 deg [rad]."""
-_LEAN = Belief(0.0, 0.035, -0.3, 0.3, "deg", _DEG)
+_LEAN = Prior(0.0, 0.035, -0.3, 0.3, "deg", _DEG)
 _AXES = "xyz"
 
 
@@ -76,11 +76,11 @@ class Parameter:
     """In its array; None for a number by itself."""
     of: str
     """Joint or axis that it is of, empty for all servos."""
-    belief: Belief
+    prior: Prior
 
     def show(self, value: float) -> float:
         """Return a value in its unit."""
-        return self.belief.scale * value
+        return self.prior.scale * value
 
 
 class Parameters:
@@ -94,22 +94,22 @@ class Parameters:
         """
         arrays = {name: list(joint_names) for name in _OF_JOINT}
         arrays |= {name: list(_AXES) for name in _OF_AXIS}
-        beliefs = _OF_JOINT | _OF_AXIS
+        priors = _OF_JOINT | _OF_AXIS
         self.all = [
-            Parameter(name, i, of, beliefs[name])
+            Parameter(name, i, of, priors[name])
             for name, owners in arrays.items()
             for i, of in enumerate(owners)
         ]
         single = _OF_ALL | _OF_TRUNK
         self.all += [Parameter(n, None, "", b) for n, b in single.items()]
         self.all += [Parameter("lean", i, _AXES[i], _LEAN) for i in range(2)]
-        columns = np.array([p.belief[:4] for p in self.all]).T
+        columns = np.array([p.prior[:4] for p in self.all]).T
         self._mean, self._sd, least, most = columns
         self.least = (least - self._mean) / self._sd
         """Bounds of the vector."""
         self.most = (most - self._mean) / self._sd
-        self._alike = np.array([p.belief.alike for p in self.all])
-        kinds = [(p.name, 0 if p.belief.alike else i) for i, p in enumerate(self.all)]
+        self._alike = np.array([p.prior.alike for p in self.all])
+        kinds = [(p.name, 0 if p.prior.alike else i) for i, p in enumerate(self.all)]
         self._kind = np.array([kinds.index(kind) for kind in kinds])
 
     def places(self, name: str) -> list[int]:
