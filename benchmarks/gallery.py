@@ -39,10 +39,10 @@ end of the range; mass, inertia and CoM of every link off by up to 10 %; frictio
 1; estimator on. A push is the impulse over m sqrt(g h) that half of 20 walks hold at
 0.6 of the speed, from the worst of eight directions, and the mean of all. A build's
 time is that of the processor, beside other work: two quiet cores take half of it.
-Pictures are named as robots of the MuJoCo Menagerie are, or as the URDFs of
-example-robot-data, of each robot there the one that has most of it. Talos of the
-Menagerie is its talos.xml, which has no actuators; the name pal_talos stands for
-talos_position.xml.
+The name under a picture is the robot's name in the MuJoCo Menagerie, or the file's name
+in example-robot-data; where that has several files of a robot, the most complete one
+was taken. Talos of the Menagerie is its talos.xml, which has no actuators; the name
+pal_talos stands for talos_position.xml.
 [Results](results.md) have more.
 
 Not here: apptronik_apollo, fourier_n1, pndbotics_adam_lite, toddlerbot_2xc and
