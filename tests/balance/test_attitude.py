@@ -468,7 +468,7 @@ def test_a_robot_without_ankle_rolls_keeps_the_vertical():
     robot, shape = load_robot(str(H1)), replace(MODEL_SHAPE, stance=0.7)
     timing = shape.timing(robot)
     poses, gaits = walk_of(robot, shape, timing.step, Walk(0.0), 0.2, 36)
-    goals = iter(poses.goals(gaits[:, 1:].tolist()))
+    goals = iter(poses.step_targets(gaits[:, 1:].tolist()))
     walked, backend = make_walk(poses, timing), MujocoBackend(robot)
     backend.connect(walked.stand)
     off = []

@@ -19,7 +19,7 @@ def stand_again(make, walk):
     timing = MODEL_SHAPE.timing(robot)
     poses, gaits = walk_of(robot, MODEL_SHAPE, timing.step, walk, 0.3, steps=12)
     controller = make_walk(poses, timing, feedback=False)
-    goals = list(poses.goals(gaits[:, 1:].tolist()))
+    goals = list(poses.step_targets(gaits[:, 1:].tolist()))
     controller.begin_shift(True)
     first = before = controller.reference
     period, stood = controller.times.period, 0

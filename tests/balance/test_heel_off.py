@@ -184,7 +184,7 @@ def test_strides_are_planned_that_level_feet_cannot_make(long_strides):
     walk, legs = make_walk(poses, timing, feedback=False), legs_of(poses.robot)
     walk.begin_shift(left_support=True)
     longest, heels, lowest = 0.0, [], 0.0
-    for joints in rehearse(walk, poses.goals(gaits[:, 1:].tolist())):
+    for joints in rehearse(walk, poses.step_targets(gaits[:, 1:].tolist())):
         found = posture(legs, joints)
         way = found.centres[:, legs.knee + 1] - found.centres[:, legs.knee - 1]
         behind = way[:, 0] < 0.0

@@ -209,7 +209,7 @@ def stop_ahead(robot, length):
     walk = make_walk(poses, TIMING, 0.01, feedback=False)
     walk.reset()
     walk.begin_shift(left_support=True)
-    goals = poses.goals([(0, 0, 2)] * 4 + [(0, 0, STAND)])
+    goals = poses.step_targets([(0, 0, 2)] * 4 + [(0, 0, STAND)])
     for _ in rehearse(walk, goals):
         if walk.phase == DOUBLE:
             landed = walk.state.landing.x
@@ -255,7 +255,7 @@ def walked(poses, strides):
     """Walk strides without a robot; yield the walk, its joints, and the steps made."""
     walk, log = make_walk(poses, TIMING), []
     walk.begin_shift(left_support=True)
-    targets = poses.goals([(0, 0, stride) for stride in strides])
+    targets = poses.step_targets([(0, 0, stride) for stride in strides])
     for joints in rehearse(walk, targets):
         if walk.step and (not log or log[-1][0] is not walk.step):
             log.append((walk.step, targets[len(log)]))

@@ -9,6 +9,7 @@ import pytest
 
 from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.balance.state import SHIFT
 from gaitchain.build.trial import without_caution
 from gaitchain.chain.recovery import CALM, ERRORS, SIZES, Option
 from gaitchain.cli.libraries import shipped_library
@@ -136,6 +137,23 @@ def test_errors_in_each_step_are_taken_for_the_robots_own(late_s, faulty):
     assert (walker.gait._own_off > 0.5 * LIBRARY.usual_off) == faulty
     walker.reset()
     assert walker.gait._own_off == 0.0
+
+
+def test_nothing_is_learned_before_a_step_was_made():
+    """The shift of the weight is none, and a stop leaves nothing to the next walk."""
+    walker, backend = Walker(LIBRARY), MujocoBackend(RES, World())
+    gait = walker.gait
+    backend.connect(walker.stand)
+    usual_while_shifting = []
+    for vx, seconds in ((0.0, 1.0), (0.4, 2.0), (0.0, 4.0), (0.4, 2.0)):
+        walker.command(Command(vx))
+        for _ in range(round(100 * seconds)):
+            backend.write(walker.step(backend.read()).position)
+            assert gait.steps > 1 or gait._own_off == 0.0
+            if gait._walk.phase == SHIFT:
+                usual_while_shifting.append(gait._usual_error)
+    assert len(usual_while_shifting) > 20
+    assert set(usual_while_shifting) == {0.0}
 
 
 def test_without_feedback_nothing_is_left_out():

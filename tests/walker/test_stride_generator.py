@@ -497,12 +497,12 @@ def test_poses_are_checked_and_frozen():
         [np.array([0, 2]), np.array([0]), np.array([0]), np.array([0, 2])]
     )
     assert kept.counts == (2, 1, 1, 2)
-    goal = kept.goal(0, 0, 1)
+    goal = kept.step_target(0, 0, 1)
     assert goal.length == poses.strides[2, 0] == kept.step_lengths[1]
     assert goal.width == WIDTH + poses.strides[2, 1]
     assert (goal.share, goal.share_rate, goal.lift) == tuple(poses.parameters[1][0])
     assert goal.stops == 0.0
-    assert kept.goal(0, 0, STAND).stops == 1.0
+    assert kept.step_target(0, 0, STAND).stops == 1.0
 
 
 def test_strides_lie_inside_the_polytope_of_their_mosts():

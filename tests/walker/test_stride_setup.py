@@ -136,7 +136,7 @@ def test_a_robot_stands_and_steps_in_its_stance(part):
     walk = make_walk(drawn, TIMING)
     left, right = posture(walk.legs, walk.stand).ankles
     assert left[1] - right[1] == pytest.approx(stance, abs=1e-6)
-    assert drawn.goal(0, 0, 0).width == pytest.approx(stance)
+    assert drawn.step_target(0, 0, 0).width == pytest.approx(stance)
 
 
 @pytest.mark.parametrize("name", ["unitree_h1/h1.xml", "robotis_op3/op3.xml"])

@@ -16,6 +16,7 @@ from gaitchain.balance.state import SINGLE
 from gaitchain.balance.walk_controller import WalkController, rehearse
 from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
+from gaitchain.gait.zmp import zmp_of_wrench
 from gaitchain.messages import GRAVITY, Array
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.model import build_model
@@ -77,7 +78,7 @@ def _walk(poses: StridePoses, walk: WalkController) -> list[Array]:
     walk.begin_shift(left_support=True)
     supports = []
     for stride in [1] + [2] * (_FIRST + _STEPS - 1):
-        periods = rehearse(walk, [poses.goal(0, 0, stride)])
+        periods = rehearse(walk, [poses.step_target(0, 0, stride)])
         rows = [_position(walk, lead) for _ in periods if walk.phase == SINGLE]
         supports.append(np.array(rows))
     return supports[_FIRST:]
@@ -111,15 +112,8 @@ def _differences(model: Any, positions: Array) -> Array:
 
 def _of_wrench(data: Any) -> Array:
     """Compute the ZMP of the wrench on the base by inverse dynamics, (2,) [m]."""
-    force = data.qfrc_inverse[:3]
     moment = data.xmat[1].reshape(3, 3) @ data.qfrc_inverse[3:_FREE]
-    x, y, z = data.qpos[:3]
-    return np.array(
-        [
-            x - (moment[1] + z * force[0]) / force[2],
-            y + (moment[0] - z * force[1]) / force[2],
-        ]
-    )
+    return zmp_of_wrench(moment, data.qfrc_inverse[:3], data.qpos[:3])
 
 
 def _of_points(model: Any, data: Any) -> Array:

@@ -2,7 +2,6 @@
 
 import copy
 import math
-from dataclasses import replace
 from typing import Any, NamedTuple, Protocol
 
 import mujoco
@@ -112,7 +111,7 @@ class ModelBackend(SimulatedMotors):
         self._contacts = _contacts_of(self.model, self._base)
         self._place(np.array([_angle(legs, name) for name in self.joint_names]))
         self._servos, self._rows, self._told = self._set_servos(
-            _with_gain(legs, servo_gain)
+            legs.with_servos(servo_gain, servo_gain)
         )
 
     def connect(self, position: Array) -> None:
@@ -325,13 +324,6 @@ def _check_kinds(model: object, library: object) -> None:
             f"{library!r:.80} is no gait library; give one, as load_library(path) "
             "returns, not its robot alone"
         )
-
-
-def _with_gain(legs: LegModel, gain: float) -> LegModel:
-    """Return legs whose servos have a part of their stiffness and damping."""
-    servos = gain * (legs.damping - legs.joint_damping)
-    damping = servos + legs.joint_damping
-    return replace(legs, stiffness=gain * legs.stiffness, damping=damping)
 
 
 def _angle(legs: LegModel, name: str) -> float:

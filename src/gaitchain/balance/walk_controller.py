@@ -124,7 +124,7 @@ class WalkController:
         self.step: Step | None = None
 
     def snapshot(self) -> Snapshot:
-        """Return a copy of the whole state."""
+        """Return a copy of plan and reference, without what was estimated."""
         memory = Memory(*(array.copy() for array in self._memory))
         return Snapshot(self.numbers.copy(), memory)
 
@@ -142,6 +142,11 @@ class WalkController:
     def gyro_bias(self) -> Array:
         """(3,) of the gyro, as stands and support feet showed it [rad/s]."""
         return self._estimator.gyro_bias
+
+    @property
+    def support_heading(self) -> float:
+        """Heading of the support foot by gyro and joints, to the left [rad]."""
+        return self.attitude.yaw + self.view.foot_yaw
 
     @property
     def zmp(self) -> Array:

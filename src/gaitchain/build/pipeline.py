@@ -1,4 +1,4 @@
-"""Build a gait library: the only module that joins the robot's gaits and the chain."""
+"""Build a gait library: the order of its stages, from candidates to the gates."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace

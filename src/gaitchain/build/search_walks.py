@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from gaitchain.build.stride_feasibility import feasible_walk, joint_speeds
 from gaitchain.build.stride_rollout import find_fall
 from gaitchain.gait.motion import Timing
-from gaitchain.gait.stride.shape import LANDING, StrideShape
+from gaitchain.gait.stride.draw import shaped_poses
+from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import GRAVITY
 from gaitchain.robot.robot import Robot
@@ -201,18 +202,7 @@ def walk_of(
             (length, 0.0, 0.0),
         ]
     )
-    poses = StridePoses(
-        robot,
-        shape.hip_height * leg,
-        (
-            strides,
-            np.array([shape.passing(leg)]),
-            np.array([LANDING]),
-            strides.copy(),
-        ),
-        shape.balance,
-        shape.stance * robot.reduced.hip_width,
-    )
+    poses = shaped_poses(robot, shape, strides)
     return poses, _there_and_back(steps or walk.steps)
 
 

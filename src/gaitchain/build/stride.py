@@ -74,7 +74,9 @@ class StrideBuild(GaitBuild):
     ) -> WorldRange:
         """See `GaitBuild`; with feedback, model errors, delays and pushes are added.
 
-        What is left unknown of an identified robot is drawn, too.
+        What is left unknown of an identified robot is drawn, too. The unit of pushes,
+        m sqrt(g h), has the height of the hips here: nothing stands yet whose CoM
+        could be measured, as for the grid's.
         """
         height = poses.hip_height + poses.robot.reduced.ankle_height
         share = DISTURBANCES["push"].strides.trained

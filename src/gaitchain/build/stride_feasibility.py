@@ -18,8 +18,9 @@ from gaitchain.balance.walk_controller import Snapshot, rehearse
 from gaitchain.build.jobs import run_jobs
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.step_target import StepTarget
+from gaitchain.gait.stride.draw import shaped_poses
 from gaitchain.gait.stride.presets import Reach
-from gaitchain.gait.stride.shape import LANDING, StrideShape
+from gaitchain.gait.stride.shape import StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.robot.robot import Robot
@@ -110,7 +111,7 @@ def feasible_walk(
     """
     rehearsal = _Rehearsal(poses, timing, speed_limit)
     rehearsal.begin()
-    return all(map(rehearsal.go_on, poses.goals(gaits[:, 1:].tolist())))
+    return all(map(rehearsal.go_on, poses.step_targets(gaits[:, 1:].tolist())))
 
 
 def first_fault(poses: StridePoses, timing: Timing, speed_limit: float | Array) -> str:
@@ -175,10 +176,7 @@ def _rehearsal(
     """Prepare to try strides, in parts of the leg; stride 0 is standing."""
     leg = robot.reduced.leg_length
     rows = np.insert(strides * np.array([leg, leg, 1.0]), 0, 0.0, axis=0)
-    layers = rows, np.array([shape.passing(leg)]), np.array([LANDING]), rows
-    height, stance = shape.hip_height * leg, shape.stance * robot.reduced.hip_width
-    poses = StridePoses(robot, height, layers, shape.balance, stance)
-    return _Rehearsal(poses, timing, speed_limit)
+    return _Rehearsal(shaped_poses(robot, shape, rows), timing, speed_limit)
 
 
 def _widest_turn(robot: Robot, stance: float, most: float, *, outward: bool) -> float:
@@ -240,7 +238,7 @@ class _Rehearsal:
         if stride == STAND:
             self.begin()
             return self._walk.snapshot()
-        own, _ = self._poses.goals([(0, 0, stride), (0, 0, then)])
+        own, _ = self._poses.step_targets([(0, 0, stride), (0, 0, then)])
         if own not in self._steady:
             self.begin()
             between = own._replace(width=own.next_width, next_width=own.width)
@@ -264,7 +262,7 @@ class _Rehearsal:
         The next one brings the feet together again.
         """
         self._walk.restore(start)
-        return self.go_on(self._poses.goal(0, 0, stride))
+        return self.go_on(self._poses.step_target(0, 0, stride))
 
     def go_on(self, target: StepTarget) -> bool:
         """Make one more step; return whether it is feasible."""
@@ -286,7 +284,7 @@ class _Rehearsal:
     def needed(self, start: Snapshot, stride: int) -> str:
         """Return what a step needs of joints that have less; empty if they have it."""
         self._walk.restore(start)
-        goal, joints, speeds = self._poses.goal(0, 0, stride), [], []
+        goal, joints, speeds = self._poses.step_target(0, 0, stride), [], []
         for before in rehearse(self._walk, [goal]):
             if self._walk.phase != SHIFT:
                 joints.append(self._walk.reference)

@@ -48,7 +48,7 @@ def _walk(
     planned_s = len(gaits) * timing.step + walk.times.shift
     ticks = round((_BEFORE_S + _LONGEST * planned_s) / CONTROL_PERIOD_S)
 
-    goals = poses.goals(gaits[:, 1:].tolist())
+    goals = poses.step_targets(gaits[:, 1:].tolist())
 
     def next_target(_: Step | None) -> StepTarget:
         return goals[meter.begin()]

@@ -33,7 +33,7 @@ CALM = 0.0
 _DECAY = 0.25  # levels of unrest that a quiet step takes off
 _MORE = 0.015  # legs by which what is usual of a robot rises in a step, at least
 _FIRST = 0.5  # of the most: the same in the first step
-_LOWERS = 3.0  # times slower it falls: so three of four steps stay below it
+_LOWERS = 0.75 / 0.25  # times slower it falls: so three of four steps stay below it
 _FALL_STEPS = 120.0  # a fall costs as much as so many steps in place
 # Spreads of the log odds: of a fall, of what sizes do at any level, and at one of them.
 _KNOWN, _UNKNOWN, _ALIKE = 10.0, 1.0, 0.3
@@ -68,10 +68,10 @@ def unrest_after(unrest: float, off: float, errors: tuple[float, ...]) -> float:
 
 
 def own_after(own: float, off: float, most: float, made: int) -> float:
-    """Return what three of four steps of a robot are off less, after another step.
+    """Return the 75th percentile of what a robot's steps are off, after another step.
 
-    It follows the robot's own steps, so that a robot with faults is not taken for a
-    disturbed one; up by a part of what is usual of such robots, down by a third of it.
+    The estimate follows the robot's own steps, so that a robot with faults is not taken
+    for a disturbed one; up by a part of what is usual of such robots, down by a third.
     The first steps count more: half of it, a quarter, ... [Robbins51],
 
         own <- own + (d if off > own else -d / 3), within 0 and most,

@@ -65,11 +65,11 @@ class GaitLibrary:
     steady: CommandRange | None = None
     """Commands that were held for long without a fall; None if this was not tested."""
     usual_off: float = 0.0
-    """What 19 of 20 steps of robots with faults of training are off less, beyond the
-    usual of sound ones; the larger of DCM error and slip, see `chain.recovery` [legs].
-    """
+    """How far a step of a robot with the faults of training is off its plan, beyond the
+    usual of a sound one: 95th percentile [legs]; the larger of DCM error and slip, see
+    `chain.recovery`."""
     usual_spread: float = 0.0
-    """What nine of ten such steps are off less, beyond the robot's own [legs]."""
+    """The same beyond what that robot's own steps are off: 90th percentile [legs]."""
     slides: Slides = field(default_factory=Slides)
     """What feet usually slide, beside what the legs measure."""
     recovery: Recovery | None = None

@@ -1,7 +1,8 @@
-"""The ZMP: multi-link, desired and interpolated; support polygons and margins.
+"""The ZMP: multi-link, of a wrench, desired, interpolated; support polygons, margins.
 
-All positions are in the support-foot frame of the step (see `robot.kinematics`): origin
-under the support ankle, x forward, y left, with the left leg as the support leg.
+Positions of a step are in its support-foot frame (see `robot.kinematics`): origin under
+the support ankle, x forward, y left, with the left leg as the support leg. `to_world`
+leaves it.
 """
 
 import math
@@ -22,6 +23,10 @@ from gaitchain.robot.kinematics import (
 )
 from gaitchain.robot.robot import Robot
 
+LEAST_LOAD = 0.02
+"""Part of the weight: a sole with less is off the ground, a robot has no ZMP."""
+FEET_ON_GROUND = {"rs": (1,), "rl": (0, 1), "ls": (0,), "lr": (0, 1), "stand": (0, 1)}
+"""Feet, 0 for the left one, that are on the ground by plan, by the planned support."""
 _ON_EDGE = 1e-13  # a corner this close to an edge lies on it [m]
 _DIGITS = 12  # decimals to which equal lengths agree [m]
 
@@ -77,6 +82,26 @@ def zmp(robot: Robot, state: State) -> Array:
     )
 
 
+def zmp_of_wrench(torque: Array, force: Array, at: Array) -> Array:
+    """Compute the ZMP of the wrench that moves a robot.
+
+    The wrench is moved from a point (x, y, z) to the ground: p_x = x - (M_y + z F_x) /
+    F_z and p_y = y + (M_x - z F_y) / F_z.
+
+    Args:
+        torque: (..., 3) M about the point [N m].
+        force: (..., 3) F [N]; NaN where there is no ZMP.
+        at: (..., 3) the point, z above the ground [m].
+
+    Returns:
+        (..., 2) ZMP in the frame of these, z = 0 [m].
+    """
+    x, y, z = np.moveaxis(at, -1, 0)
+    ahead = x - (torque[..., 1] + z * force[..., 0]) / force[..., 2]
+    left = y + (torque[..., 0] - z * force[..., 1]) / force[..., 2]
+    return np.stack([ahead, left], axis=-1)
+
+
 def desired_zmp(robot: Robot, rear: ArrayLike, ahead: ArrayLike) -> Array:
     """Return the desired ZMP at the four key moments (Eq. 3).
 
@@ -126,6 +151,24 @@ def interpolated_zmp(timing: Timing, key_zmp: Array, time_s: Array) -> Array:
     return result
 
 
+def to_world(points: Array, feet: Array, left_support: ArrayLike) -> Array:
+    """Transform points from the support-foot frame to the world.
+
+    Args:
+        points: (..., 2) points, left leg as support [m].
+        feet: (..., 3) pose of the support foot in the world: x, y [m], yaw [rad].
+        left_support: (...) whether the left leg is the support leg; if not, y is
+            mirrored.
+
+    Returns:
+        (..., 2) points in the world [m].
+    """
+    x, y = points[..., 0], np.where(left_support, 1.0, -1.0) * points[..., 1]
+    cos, sin = np.cos(feet[..., 2]), np.sin(feet[..., 2])
+    turned = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+    return np.asarray(feet[..., :2] + turned)
+
+
 def sole_corners(robot: Robot, ankle_xy: ArrayLike, yaw: float = 0.0) -> Array:
     """Return the corners of a level sole, counter-clockwise.
 
@@ -161,6 +204,22 @@ def support_polygon(soles: Sequence[Array]) -> Array:
     along = corners[order].tolist()
     right, left = _chain(along), _chain(along[::-1])
     return np.array(right[:-1] + left[:-1])
+
+
+def planned_region(robot: Robot, feet: Array, support: str) -> Array:
+    """Return the support region of the feet that are on the ground by plan.
+
+    Args:
+        robot: the robot.
+        feet: (2, 3) x, y [m] and yaw [rad] of both ankles.
+        support: the planned support; one that is not in `FEET_ON_GROUND` has both feet.
+
+    Returns:
+        (K, 2) polygon, counter-clockwise [m].
+    """
+    on_ground = FEET_ON_GROUND.get(support, (0, 1))
+    soles = [sole_corners(robot, feet[i][:2], feet[i][2]) for i in on_ground]
+    return soles[0] if len(soles) == 1 else support_polygon(soles)
 
 
 def margin(points_xy: Array, polygon: Array) -> Array:

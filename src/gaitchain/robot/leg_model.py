@@ -9,14 +9,15 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from typing import Annotated, Any, get_type_hints
+from dataclasses import dataclass, field, fields, replace
+from typing import Annotated, Any, Self, get_type_hints
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.errors import RobotFileError
+from gaitchain.messages import Array
 
 DECIMALS = 9
 """Of a number read from a robot's file, as a fingerprint has it: later ones differ from
@@ -153,6 +154,20 @@ class LegModel:
         """Names of the joints that turn about the y axis."""
         about_y = np.abs(self.axis[..., 1]).ravel() > MOSTLY
         return tuple(n for n, y in zip(self.joint_names, about_y, strict=True) if y)
+
+    def with_servos(self, stiffness: Array | float, damping: Array | float) -> Self:
+        """Return legs with other servos.
+
+        Args:
+            stiffness: part of each servo's stiffness.
+            damping: part of each servo's damping; the joints keep their own.
+        """
+        servos = damping * (self.damping - self.joint_damping)
+        return replace(
+            self,
+            stiffness=stiffness * self.stiffness,
+            damping=self.joint_damping + servos,
+        )
 
     def arrays(self) -> dict[str, Any]:
         """Return the array fields by name, as a library stores them."""

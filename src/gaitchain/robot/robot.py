@@ -65,7 +65,7 @@ class Robot:
         own, found = self.in_file, self.identified
         robot = own
         if part != 1.0:
-            legs = _with_servos(own.legs, part, part)
+            legs = own.legs.with_servos(part, part)
             robot = replace(own, legs=legs, servo_gain=part, of_file=own)
         return robot if found is None else robot.as_identified(found)
 
@@ -76,7 +76,7 @@ class Robot:
         legs then; walker and simulator take the rest from `identified`.
         """
         part = self.servo_gain * found.gain
-        servos = _with_servos(self.in_file.legs, part, part * found.damping)
+        servos = self.in_file.legs.with_servos(part, part * found.damping)
         dry = found.dry_friction * servos.torque_limit
         legs = replace(
             servos,
@@ -130,16 +130,4 @@ def given_robot(robot: object, kind: type[GaitchainError]) -> Robot:
     raise kind(
         f"{robot!r:.80} is no robot; give a Robot, as load_robot returns, or a "
         "library's, library.robot"
-    )
-
-
-def _with_servos(
-    legs: LegModel, stiffness: Array | float, damping: Array | float
-) -> LegModel:
-    """Return legs with parts of their servos' stiffness and damping."""
-    servos = damping * (legs.damping - legs.joint_damping)
-    return replace(
-        legs,
-        stiffness=stiffness * legs.stiffness,
-        damping=legs.joint_damping + servos,
     )

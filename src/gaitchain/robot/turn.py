@@ -1,4 +1,4 @@
-"""Rotations in NumPy, as matrices and quaternions.
+"""Rotations in NumPy, as matrices, headings and quaternions.
 
 `balance.rotations` has those of the compiled control step; who runs no such step does
 not wait until it is compiled.
@@ -16,6 +16,21 @@ def turn_matrix(angles: Array) -> Array:
     pitch = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
     yaw = np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]])
     return np.asarray(yaw @ pitch @ roll)
+
+
+def in_heading(heading: Array, x: Array, y: Array) -> tuple[Array, Array]:
+    """Turn level vectors from the world into the axes of a heading.
+
+    Args:
+        heading: (...) [rad].
+        x: (...) their x in the world.
+        y: (...) their y in the world.
+
+    Returns:
+        (...) each: ahead, and to the left.
+    """
+    cos, sin = np.cos(heading), np.sin(heading)
+    return cos * x + sin * y, cos * y - sin * x
 
 
 def quaternion(turn: Array) -> Array:

@@ -406,8 +406,8 @@ class World:
             limits=Limits(0.0, 3.0),
         ),
     ] = 0.0
-    """Gains, encoders' offsets, CoM and IMU are drawn together, by what is `unknown` of
-    an `Identified` robot."""
+    """What a log left unknown of an `Identified` robot, all of `UNSURE`, is drawn
+    together, by its covariance."""
     blocks_m: Annotated[
         float,
         Disturbance(
@@ -472,7 +472,8 @@ class World:
             strides=Exposure(0.1, (0.05,), (0.1, 0.2)),
         ),
     ] = ()
-    """Levels of the grid are impulses in units of m sqrt(g h)."""
+    """Levels of the grid are impulses in units of m sqrt(g h), h the height of the CoM;
+    training's have the height of the hips."""
     punches: Annotated[
         Punches | None,
         Disturbance(

@@ -133,8 +133,7 @@ class StrideGait(Gait):
         walk.sense(sensors)
         walk.crouch = self._commands[0].crouch
         if walk.feedback and walk.catch():
-            self.state = ChainState(left_support=walk.side > 0)
-            self._foot_heading = walk.attitude.yaw
+            self._begin_walk(left_support=walk.side > 0)
         elif walk.standing and self._wants_to_step:
             self._leave_stand()
         if walk.phase in (SINGLE, DOUBLE) and not walk.wants_stride:
@@ -184,7 +183,7 @@ class StrideGait(Gait):
         The gyro gives the feet's headings, so a foot that turned on the ground counts.
         """
         walk = self._walk
-        heading = walk.attitude.yaw + walk.view.foot_yaw
+        heading = walk.support_heading
         stood = self._feet[-walk.side]._replace(yaw=heading - made.turn)
         landed = stood.moved(made.ahead, made.left)
         self._feet = self._with_slide(landed._replace(yaw=heading))
@@ -276,7 +275,7 @@ class StrideGait(Gait):
             return None, False
         support = self._feet[walk.side]
         if made is not None:  # that foot has just landed, and is not counted yet
-            heading = walk.attitude.yaw + walk.view.foot_yaw
+            heading = walk.support_heading
             stood = self._feet[-walk.side]._replace(yaw=heading)
             landed = stood.moved(made.ahead, made.left)
             landed = landed._replace(yaw=heading + made.turn)
@@ -297,8 +296,13 @@ class StrideGait(Gait):
         if self._footsteps:
             left = not self._footsteps[0].left
         self._walk.begin_shift(left)
-        self.state = ChainState(left_support=left)
+        self._begin_walk(left_support=left)
+
+    def _begin_walk(self, *, left_support: bool) -> None:
+        """Forget the walk before: no step of this one was made yet."""
+        self.state = ChainState(left_support=left_support)
         self._foot_heading = self._walk.attitude.yaw
+        self._usual_error = self._usual_slip = 0.0
 
     def _next_target(self, made: Step | None) -> StepTarget:
         """Choose the step that begins now, given the one just made, if any."""
@@ -323,7 +327,7 @@ class StrideGait(Gait):
         The gyro measures how far that foot has turned on the ground since then.
         """
         walk = self._walk
-        heading = walk.attitude.yaw + walk.view.foot_yaw
+        heading = walk.support_heading
         slipped = math.remainder(heading - self._foot_heading, math.tau)
         self._foot_heading = heading + made.turn
         cos, sin = math.cos(slipped), math.sin(slipped)
@@ -343,7 +347,7 @@ class StrideGait(Gait):
         """Choose the pose of the next key moment; return the step's target."""
         before, target = self.state, self._walk.target
         if before.layer == 0:
-            self._carried_out = self._part_of_command()
+            self._carried_out = self._part_of_command(made)
             self._room = self._room_to_step()
         command = self._commands[0].scaled(self._carried_out * self._room)
         landing, last = None, False
@@ -355,6 +359,7 @@ class StrideGait(Gait):
         self.decision = replace(decision, sizes=tuple(self.step_size.options))
         layer, pose = decision.layer, decision.pose
         if layer == 1:
+            self._note_usual()
             target = self._trimmed(pose, self.generator.likely_next(self.state))
             then = self.generator.expected_next(self.state, command)
             target = target._replace(next_width=self._width(then))
@@ -365,13 +370,21 @@ class StrideGait(Gait):
         self._show(partial(self._panel_message, before, target, reference))
         return target
 
-    def _part_of_command(self) -> float:
-        """Choose how much of the command the step that begins now carries out."""
+    def _part_of_command(self, made: Step | None) -> float:
+        """Choose how much of the command the step that begins now carries out.
+
+        What is usual of the robot itself is learned from steps, not from the shift of
+        its weight before them.
+        """
         asked = self.generator.library.command_range.share(self._commands[0])
-        off, most = self._off(), self.generator.library.usual_off
-        size = self.step_size.following(off - self._own_off, asked)
-        made = max(self.steps - 1, 1)
-        self._own_off = own_after(self._own_off, off, most, made)
+        error, slip = self._off()
+        off, most = max(error, slip), self.generator.library.usual_off
+        beyond = off - self._own_off
+        if beyond >= self.step_size.errors[0]:
+            self._slips = slip > error
+        if made is not None:
+            self._own_off = own_after(self._own_off, off, most, self.steps - 1)
+        size = self.step_size.following(beyond, asked)
         return max(size / asked, _SMALLEST) if asked > 0.0 else 1.0
 
     def _room_to_step(self) -> float:
@@ -382,21 +395,24 @@ class StrideGait(Gait):
         most, crouch = self.generator.library.command_range, self._walk.state.crouch
         return max(most.room(self._commands[0], crouch), _SMALLEST)
 
-    def _off(self) -> float:
-        """Return what the last step was off beyond the usual of sound robots [legs]."""
-        error = (self._walk.state.worst - self._usual_error) / self._leg
-        turned = AHEAD * (self._walk.state.slip - self._usual_slip)
-        if max(error, turned) - self._own_off >= self.step_size.errors[0]:
-            self._slips = turned > error
-        return max(error, turned)
+    def _off(self) -> tuple[float, float]:
+        """Return what the last step was off beyond the usual of sound robots [legs].
 
-    def _trimmed(self, passing: int, landing: int) -> StepTarget:
-        """Return the step's target, its landing adjusted to the requested motion."""
-        target = self._poses.goal(passing, landing, self.state.target)
-        place = self.generator.landing(self.state)
+        By its DCM error, and by how far its support foot turned on the ground.
+        """
+        error = (self._walk.state.worst - self._usual_error) / self._leg
+        return error, AHEAD * (self._walk.state.slip - self._usual_slip)
+
+    def _note_usual(self) -> None:
+        """Look up what steps between these two strides are usually off."""
         library, pair = self.generator.library, (self.state.first, self.state.target)
         self._usual_error = float(library.pair_error[pair])
         self._usual_slip = float(library.pair_slip[pair])
+
+    def _trimmed(self, passing: int, landing: int) -> StepTarget:
+        """Return the step's target, its landing adjusted to the requested motion."""
+        target = self._poses.step_target(passing, landing, self.state.target)
+        place = self.generator.landing(self.state)
         return target._replace(
             length=place.length,
             width=self._width(place),

@@ -563,13 +563,15 @@ static double off_plan(const gait_walker *w) {
     return greater(error, FOOT_AHEAD * (w->walk.state.slip - w->usual_slip));
 }
 
-static void choose_size(gait_walker *w) {
+static void choose_size(gait_walker *w, bool stepped) {
     const double asked = share_of_range(&w->command);
     const double off = off_plan(w), size = following_size(w, off - w->own_off, asked);
-    const double made = greater((double)w->steps - 1.0, 1.0);
-    const double more = greater(UNREST_MORE, UNREST_FIRST * USUAL_OFF / made);
-    const double moved = w->own_off + (off > w->own_off ? more : -more / UNREST_LOWERS);
-    w->own_off = lesser(greater(moved, 0.0), USUAL_OFF);
+    if (stepped) {
+        const double made = (double)w->steps - 1.0;
+        const double more = greater(UNREST_MORE, UNREST_FIRST * USUAL_OFF / made);
+        const double moved = w->own_off + (off > w->own_off ? more : -more / UNREST_LOWERS);
+        w->own_off = lesser(greater(moved, 0.0), USUAL_OFF);
+    }
     w->carried_out = asked > 0.0 ? greater(size / asked, SMALLEST) : 1.0;
     w->room = greater(room_to_step(&w->command, w->walk.state.crouch), SMALLEST);
 }
@@ -581,7 +583,7 @@ static void decide(gait_walker *w, const double *made, double lasted, gait_step_
     double part;
     int pose;
     if (layer == 0) {
-        choose_size(w);
+        choose_size(w, made != NULL);
     }
     part = w->carried_out * w->room;
     command.vx *= part;
@@ -634,6 +636,7 @@ static void start_chain(gait_walker *w) {
     w->chain.pose = w->chain.first = w->chain.target = STANDING_POSE;
     w->chain.left_support = w->walk.state.side > 0.0;
     w->foot_heading = w->walk.attitude.yaw;
+    w->usual_error = w->usual_slip = 0.0;
 }
 
 static bool feet_in_place(const gait_walk *walk) {

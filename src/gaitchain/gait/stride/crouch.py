@@ -6,7 +6,7 @@ leaves behind, most where that foot is level and half up: so less is left at spe
 """
 
 from gaitchain.errors import UnreachableError
-from gaitchain.gait.stride.shape import SINGLE
+from gaitchain.gait.stride.shape import SINGLE_SHARE
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import GRAVITY
 from gaitchain.robot.sagittal_leg import SagittalLeg, sagittal_leg
@@ -33,7 +33,7 @@ def deepest_crouch(poses: StridePoses, stride: float) -> float:
     if leg is None:
         return 0.0
     # A hind foot leaves when double support ends, half of that after the step's middle.
-    ahead = (0.5 + 0.5 * (1.0 - SINGLE)) * stride
+    ahead = (0.5 + 0.5 * (1.0 - SINGLE_SHARE)) * stride
     low, high = 0.0, poses.hip_height
     for _ in range(_ROUNDS):
         middle = 0.5 * (low + high)
@@ -66,6 +66,7 @@ def _holds(poses: StridePoses, leg: SagittalLeg, height: float, ahead: float) ->
         return False
     knee = leg.joints[1]
     lever = stands.knee_ahead - biped.sole_offset
-    carried = legs.mass * GRAVITY * lever <= _TORQUE_HEADROOM * legs.torque_limit[knee]
+    needed = legs.mass * GRAVITY * abs(lever)  # a knee may bend backward
+    carried = needed <= _TORQUE_HEADROOM * legs.torque_limit[knee]
     bends = stands, leaves, swings
     return carried and all(leg.within(legs, bend, _HEADROOM) for bend in bends)

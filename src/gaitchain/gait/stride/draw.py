@@ -8,7 +8,7 @@ over every pair without physics (`build.stride_feasibility`).
 import numpy as np
 
 from gaitchain.gait.stride.presets import STRIDE_PRESETS, Reach
-from gaitchain.gait.stride.shape import LANDING, StrideShape
+from gaitchain.gait.stride.shape import ARRIVAL, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
@@ -42,16 +42,28 @@ def draw_strides(
     Returns:
         The candidates.
     """
-    leg, shape = robot.reduced.leg_length, shape or StrideShape()
+    leg = robot.reduced.leg_length
     grid = _stride_grid(reach or STRIDE_PRESETS[preset].reach, most)
     strides = grid * np.array([leg, leg, 1.0])
-    swing = np.array([shape.passing(leg)]), np.array([LANDING])
+    return shaped_poses(robot, shape or StrideShape(), strides)
+
+
+def shaped_poses(robot: Robot, shape: StrideShape, strides: Array) -> StridePoses:
+    """Return strides, between which the swing foot passes as a shape says.
+
+    Args:
+        robot: the robot.
+        shape: of its steps.
+        strides: (N, 3) lengths and outward shifts [m], turns [rad]; standing first.
+    """
+    biped = robot.reduced
+    swing = np.array([shape.passing(biped.leg_length)]), np.array([ARRIVAL])
     return StridePoses(
         robot,
-        shape.hip_height * leg,
+        shape.hip_height * biped.leg_length,
         (strides, *swing, strides.copy()),
         shape.balance,
-        shape.stance * robot.reduced.hip_width,
+        shape.stance * biped.hip_width,
     )
 
 

@@ -11,8 +11,8 @@ from gaitchain.robot.robot import Robot
 LEG = 0.592
 """Leg length of the robot for which the numbers below were found [m]."""
 
-LANDING = (0.08, 0.1)
-"""How the swing foot arrives at kp_3, as `strides.LANDING`."""
+ARRIVAL = (0.08, 0.1)
+"""How the swing foot arrives at kp_3, as `strides.ARRIVAL_COLUMNS`."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class StrideShape:
     """Factors on the gains that are derived from the robot."""
 
     def passing(self, leg_length: float) -> tuple[float, float, float]:
-        """Return how the swing foot passes kp_2, as `strides.PASSING`.
+        """Return how the swing foot passes kp_2, as `strides.PASSING_COLUMNS`.
 
         Args:
             leg_length: leg length of the robot [m].
@@ -55,13 +55,13 @@ class StrideShape:
         factor = math.sqrt(robot.reduced.leg_length / LEG)
         step, single = (
             period_s * max(round(factor * time / period_s), 2)
-            for time in (self.step_s, SINGLE * self.step_s)
+            for time in (self.step_s, SINGLE_SHARE * self.step_s)
         )
         rise = _RISE * single
         return Timing(step, rise, single - rise)
 
 
-SINGLE = 0.415 / 0.46
+SINGLE_SHARE = 0.415 / 0.46
 """Part of the step in single support."""
 _RISE = 0.215 / 0.415  # part of the single support until the swing foot is highest
 

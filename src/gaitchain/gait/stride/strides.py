@@ -24,13 +24,13 @@ STRIDE = ("length", "outward", "turn")
 """Landing ankle ahead of the support ankle [m], lateral distance of the ankles beyond
 the stance [m], outward turn of the foot [rad]. The primitives Move, Swing, Turn."""
 _USUAL_ERROR = 0.03  # legs; until physics has measured the DCM error of a step
-PASSING = ("share", "share_rate", "lift")
+PASSING_COLUMNS = ("share", "share_rate", "lift")
 """At kp_2: part of the path completed, its rate per single support, foot height [m].
 The primitive Lift."""
-LANDING = ("share_rate", "fall_rate")
+ARRIVAL_COLUMNS = ("share_rate", "fall_rate")
 """At kp_3: paths per single support along it, lifts per single support downward. The
 primitive Lift."""
-COLUMNS = (STRIDE, PASSING, LANDING, STRIDE)
+COLUMNS = (STRIDE, PASSING_COLUMNS, ARRIVAL_COLUMNS, STRIDE)
 """Names of the columns of each layer's parameters."""
 
 
@@ -89,15 +89,15 @@ class StridePoses:
         left = tuple(p[k] for p, k in zip(self.parameters, kept, strict=True))
         return replace(self, parameters=left)
 
-    def goal(self, passing: int, landing: int, last: int) -> StepTarget:
+    def step_target(self, kp_2: int, kp_3: int, stride: int) -> StepTarget:
         """Return the target of a step from its two shapes and its last stride.
 
         Its usual error is that of a robot that nobody has measured; the next step's
         feet are as far apart as those of the standing robot.
         """
-        share, rate, lift = self.parameters[1][passing]
-        landing_rate, fall_rate = self.parameters[2][landing]
-        length, outward, turn = self.strides[last]
+        share, rate, lift = self.parameters[1][kp_2]
+        landing_rate, fall_rate = self.parameters[2][kp_3]
+        length, outward, turn = self.strides[stride]
         return StepTarget(
             length=float(length),
             width=float(self.stance + outward),
@@ -107,20 +107,20 @@ class StridePoses:
             lift=float(lift),
             landing_rate=float(landing_rate),
             fall_rate=float(fall_rate),
-            stops=float(last == STAND),
+            stops=float(stride == STAND),
             usual_error=_USUAL_ERROR * self.robot.reduced.leg_length,
             next_width=self.stance,
         )
 
-    def goals(self, steps: Iterable[Sequence[int]]) -> list[StepTarget]:
+    def step_targets(self, steps: Iterable[Sequence[int]]) -> list[StepTarget]:
         """Return the targets of steps that follow each other.
 
         Args:
             steps: for each the indices of its two shapes and its last stride.
         """
-        alone = [self.goal(*step) for step in steps]
-        widths = [goal.width for goal in alone[1:]]
+        alone = [self.step_target(*step) for step in steps]
+        widths = [target.width for target in alone[1:]]
         return [
-            goal._replace(next_width=width)
-            for goal, width in zip(alone, widths, strict=False)
+            target._replace(next_width=width)
+            for target, width in zip(alone, widths, strict=False)
         ] + alone[len(widths) :]
