@@ -167,7 +167,7 @@ def qualified(library, once):
 
 @pytest.fixture(scope="session")
 def brisk(once):
-    """A dynamic library that walks both ways along, across and around."""
+    """A library of strides that walks both ways along, across and around."""
     return once("brisk", _build_brisk)
 
 

@@ -451,6 +451,23 @@ def test_a_robot_that_stood_is_not_told_to_walk_slower(events):
     assert slow == [False, True]
 
 
+@pytest.mark.parametrize(
+    ("gait", "stood", "advice"),
+    [
+        (STRIDES.name, False, "a slower command aside, or less turning"),
+        (STRIDES.name, True, "floor, load and servos: it stood"),
+        ("", False, "sway down, or the bound of sideways steps"),
+        ("", True, "sway down"),
+    ],
+)
+def test_a_robot_that_stood_is_not_told_to_turn_or_step_less(gait, stood, advice):
+    touching = np.arange(400) >= 350
+    command = Command() if stood else Command(yaw_rate=0.3)
+    walk = standing(np.zeros(400), fell_at_s=4.0, self_contact=touching)
+    walk = replace(walk, gait=gait, commands=((0.0, command),))
+    assert explain(RES, walk).cause.advice == advice
+
+
 def test_of_two_at_once_the_upstream_one_leads():
     walk = with_torque((350, 400))
     estimate = np.zeros((400, 2))

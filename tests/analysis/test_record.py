@@ -18,7 +18,6 @@ from gaitchain.analysis.recorder import Recorder, observe
 from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import GaitchainError, RecordError
-from gaitchain.figures.steps import to_world
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.schedule import Segment
 from gaitchain.gait.zmp import Support
@@ -148,8 +147,9 @@ def test_what_the_walker_believes_and_plans(support):
     np.testing.assert_array_equal(record.estimated_tilt[0], [0.1, -0.2])
     left = support is None or support.value.startswith("l")
     foot = record.feet[0, 0 if left else 1]
-    expected = to_world(np.array([0.03, -0.05]), foot, left)
-    np.testing.assert_allclose(record.planned_zmp[0], expected)
+    ahead = (0.03 - 0.05j if left else 0.03 + 0.05j) * np.exp(1j * foot[2])
+    moved = record.planned_zmp[0] - foot[:2]
+    np.testing.assert_allclose(moved, [ahead.real, ahead.imag])
     assert np.isnan(record.estimated_tilt[1]).all()
     assert np.isnan(record.planned_zmp[1]).all()
 

@@ -501,8 +501,8 @@ def test_a_bus_that_cannot_be_calibrated_is_refused(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), "either -o FILE, to write a calibration, --check FILE, --exercise FILE"),
-        (("-o", "a.toml", "--check", "b.toml"), "give either"),
+        ((), "one of -o FILE, to write a calibration, --check FILE, --exercise FILE"),
+        (("-o", "a.toml", "--check", "b.toml"), "give one of"),
         (("-o", "a.toml", "--view", "0"), "--view: shows an exercise; give --exercise"),
         (("-o", "a.toml", "--ids", "300"), "--ids '300': give ids from 0 to 252"),
         (("--check", "none.toml"), "none.toml: No such file"),
@@ -562,8 +562,35 @@ def test_a_comparison_as_json_is_json_alone(library, truth, bus, tmp_path, capsy
     save_calibration(truth, file)
     words = ("--port", bus.port, "--check", file, "--json", "-")
     code, said, error = call(capsys, "calibrate", library, *words)
-    assert (code, json.loads(said)["wrong"]) == (0, [])
+    found = json.loads(said)
+    assert (code, found["wrong"]) == (0, [])
     assert "all as calibrated" in error
+    knee = next(joint for joint in found["joints"] if joint["joint"] == "left_knee")
+    assert knee == {
+        "joint": "left_knee",
+        "id": 11,
+        "model": "xm430-w350",
+        "at_deg": pytest.approx(np.degrees(RES.legs.stand[3]), abs=0.1),
+        "from_deg": -80.0,
+        "to_deg": 80.0,
+        "temperature_c": 35.0,
+        "supply_v": 12.0,
+        "wrong": [],
+    }
+
+
+def test_what_a_servo_does_not_say_is_null_in_json(
+    library, truth, bus, tmp_path, capsys
+):
+    file = tmp_path / "robot.toml"
+    save_calibration(truth, file)
+    bus.kill(11)
+    words = ("--port", bus.port, "--check", file, "--json", "-")
+    _, said, _ = call(capsys, "calibrate", library, *words)
+    knee = next(j for j in json.loads(said)["joints"] if j["joint"] == "left_knee")
+    assert knee["wrong"] == ["does not answer"]
+    unknown = {name for name, value in knee.items() if value is None}
+    assert unknown == {"model", "at_deg", "temperature_c", "supply_v"}
 
 
 def test_what_differs_is_listed(library, truth, bus, tmp_path, capsys, monkeypatch):
@@ -587,7 +614,7 @@ def test_what_differs_is_listed(library, truth, bus, tmp_path, capsys, monkeypat
         "right_knee": "not a xm540-w270",
     }.items():
         assert re.search(rf"{name} .*{wrong}", said), name
-    assert "imu (id 200): does not answer" in said
+    assert "imu (id 200): the IMU does not answer" in said
     assert "6 things are wrong" in said
 
 
@@ -619,6 +646,7 @@ def test_a_servo_that_stops_answering_midway_is_a_row_of_its_own(
 def imu_on(bus, truth, tmp_path, mounted=IMU, **told):
     """Put an IMU on the bus, and a calibration that tells how it is mounted."""
     device = bus.bus.devices[IMU.id] = EmulatedImu(mounted)
+    device.noise = 0.3  # one that never changes counts as stuck
     file = tmp_path / "robot.toml"
     imu = msgspec.structs.replace(IMU, **told)
     save_calibration(msgspec.structs.replace(truth, imu=imu), file)
@@ -631,9 +659,12 @@ def test_what_the_imu_says_is_shown(library, truth, bus, tmp_path, capsys):
     device.angular_velocity = np.radians([0.5, -1.0, 0.0])
     code, said, _ = check(capsys, library, bus, file)
     assert code == 0, said
-    words = " ".join(said.split())
-    assert "imu (id 200): acceleration 0.00, 1.70, 9.66 m/s^2, 9.81 long" in words
-    assert "up is 10 deg from the trunk's z; turns by 0.52, -0.97, 0.00 deg/s" in words
+    words = re.search(r"imu \(id 200\): accel.* deg/s", " ".join(said.split()))
+    assert words is not None
+    assert "up is 10 deg from the trunk's z" in words[0]
+    shown = [float(number) for number in re.findall(r"-?\d+\.\d\d", words[0])]
+    expected = [0.0, 1.7, 9.66, 9.81, 0.5, -1.0, 0.0]
+    assert shown == pytest.approx(expected, abs=0.04)
 
 
 @pytest.mark.parametrize(
@@ -659,6 +690,18 @@ def test_an_imu_that_says_nonsense_is_refused(
     code, said, _ = check(capsys, library, bus, file)
     assert code == 1
     assert re.search(wrong, " ".join(said.split())), said
+
+
+@pytest.mark.parametrize("length", [9.81, 0.0])
+def test_an_imu_that_never_changes_is_named(
+    length, library, truth, bus, tmp_path, capsys
+):
+    """As `doctor` does: at rest, too, the last bits of a sound one change."""
+    device, file = imu_on(bus, truth, tmp_path)
+    device.noise, device.acceleration = 0.0, np.array([0.0, 0.0, length])
+    code, said, _ = check(capsys, library, bus, file)
+    assert code == 1
+    assert "imu (id 200): the IMU is stuck" in " ".join(said.split())
 
 
 def test_how_to_move_each_joint_is_told_in_words():

@@ -27,8 +27,8 @@ from gaitchain.analysis.record_file import load_record
 from gaitchain.build import push
 from gaitchain.build.jobs import run_jobs
 from gaitchain.build.journal import code_digest
-from gaitchain.cli.build import cached_library
 from gaitchain.cli.console import resumable
+from gaitchain.cli.library_cache import cached_library
 from gaitchain.cli.options import VERBS
 from gaitchain.cli.world_options import check_effects
 from gaitchain.commission.stages import STAGES
@@ -937,7 +937,7 @@ def test_a_kept_library_is_of_this_config_and_this_code(
     cached_library(replace(config, seed=2), path)
     assert len(built) == 2
     assert "is of another config" in capsys.readouterr().out
-    monkeypatch.setattr("gaitchain.cli.build.code_digest", lambda: "edited")
+    monkeypatch.setattr("gaitchain.cli.library_cache.code_digest", lambda: "edited")
     cached_library(replace(config, seed=2), path)
     assert len(built) == 3
     assert "was built by other code" in capsys.readouterr().out

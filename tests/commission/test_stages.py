@@ -26,7 +26,7 @@ from gaitchain.commission.timing import (
     judge,
     qualified_delay_s,
 )
-from gaitchain.commission.walking import check_hung
+from gaitchain.commission.walking import MeanTrackingError, check_hung
 from gaitchain.errors import BackendError
 from gaitchain.gait.qualification import CellReport, GridReport, Qualification
 from gaitchain.live.exercise import exercise
@@ -571,6 +571,20 @@ def test_a_frozen_imu_is_found_before_anything_moves():
 def test_without_an_imu_the_stage_is_skipped():
     with robot(truth=plain_calibration(library().robot)) as (bench, _):
         assert check_imu(bench).outcome == "skipped"
+
+
+@pytest.mark.parametrize("period_s", [0.004, 0.02])
+def test_a_tracking_error_is_averaged_over_a_second(period_s):
+    """As by a first-order lag, whatever the period; a moment alone says nothing."""
+    error = MeanTrackingError(period_s)
+    assert error.worst_deg == 0.0
+    off = np.radians([2.0, -10.0, np.nan])
+    error.add(off)
+    assert error.worst_deg == pytest.approx(10.0 * period_s)
+    for _ in range(round(1.0 / period_s) - 1):
+        error.add(off)
+    assert error.worst_deg == pytest.approx(10.0 * (1.0 - np.exp(-1.0)), rel=0.01)
+    assert error.worst_joint == 1
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """Legs, soles and stance of toy robots whose names, order and frames say nothing."""
 
+import math
 import os
 import re
 from contextlib import contextmanager
@@ -15,6 +16,7 @@ from toy_file import toy as toy_file
 from toy_robot import (
     ANKLE,
     ANKLE_HEIGHT,
+    AXES,
     GEOM,
     HIP,
     Builder,
@@ -215,6 +217,18 @@ def test_legs_of_five_and_seven_joints(hip, ankle):
     assert len(found.left.joints) == len(hip) + len(ankle) + 1
     assert found.left.joints[found.left.knee] == builder.made[0, "knee"][0]
     check_standing(model, found)
+
+
+def test_a_hip_axis_that_leans_turns_the_robot_and_bears_load(monkeypatch):
+    """As the hip rolls of T1 and G1 lean, where these stand on bent legs."""
+    monkeypatch.setitem(AXES, "yaw", (math.sqrt(1.0 - 0.65**2), 0.0, 0.65))
+    model, builder = built(Toy(servo="none"))
+    found = find(model, "toy")
+    assert "turning" not in [row[0] for row in found.evidence]
+    leans, bears = (
+        found.servos[builder.made[0, name][0]].stiffness for name in ("hip_yaw", "knee")
+    )
+    assert leans == bears
 
 
 @pytest.mark.parametrize("bent", [0.0, 0.6, 1.2])

@@ -53,7 +53,7 @@ def test_an_empty_profile_overrides_nothing():
     [
         ({"forwards": [1, 0, 0]}, r"unknown key forwards; did you mean forward\?"),
         ({"legs": {"lefty": []}}, r"legs\.lefty; did you mean legs\.left\?"),
-        ({"legs": {"left": ["a", "b"]}}, r"legs\.left: 2 joints; expected 5, 6 or 7"),
+        ({"legs": {"left": ["a", "b"]}}, r"legs\.left: 2 joints; expected 5 to 7"),
         ({"legs": {"left": ["a"] * 6}}, "each once"),
         ({"legs": {"left": 3}}, r"legs\.left = 3: expected a list"),
         ({"foot": {"left": ["a"]}}, "expected a body's name"),

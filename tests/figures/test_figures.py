@@ -24,13 +24,14 @@ from gaitchain.figures.footing import figure_11
 from gaitchain.figures.joints import figure_8
 from gaitchain.figures.robustness import plot_pass_rates, plot_pushes
 from gaitchain.figures.snapshots import figure_9, stand_on_floor
-from gaitchain.figures.steps import outline, step_plan, to_world, walked_steps
+from gaitchain.figures.steps import outline, step_plan, walked_steps
 from gaitchain.figures.sticks import figure_10
 from gaitchain.figures.style import drawing
 from gaitchain.figures.walk import plot_walk
 from gaitchain.gait.family import STAND
 from gaitchain.gait.qualification import CellReport
 from gaitchain.gait.schedule import Segment
+from gaitchain.gait.zmp import to_world
 from gaitchain.messages import Command
 from gaitchain.robot.box_robot import JOINT_NAMES, load_box_robot
 from gaitchain.robot.kinematics import points
@@ -225,13 +226,6 @@ def test_no_finished_step_is_an_error(record):
     short = replace(record, time_s=record.time_s[:10])
     with pytest.raises(CommandError, match="no finished step"):
         walked_steps(short)
-
-
-def test_to_world_mirrors_the_right_foot_and_turns_with_it():
-    foot = np.array([1.0, 2.0, np.pi / 2])
-    point = np.array([0.3, 0.1])
-    assert to_world(point, foot, True) == pytest.approx([0.9, 2.3])
-    assert to_world(point, foot, False) == pytest.approx([1.1, 2.3])
 
 
 def test_the_planned_swing_foot_lands_where_the_plan_is_moved_to(record, library):

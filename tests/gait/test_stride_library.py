@@ -1,4 +1,4 @@
-"""A dynamic library: its file, its range of commands, and what it is not."""
+"""A library of strides: its file, its range of commands, and what it is not."""
 
 from dataclasses import replace
 

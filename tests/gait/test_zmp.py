@@ -16,10 +16,13 @@ from gaitchain.gait.zmp import (
     desired_zmp,
     interpolated_zmp,
     margin,
+    planned_region,
     sole_corners,
     support_at,
     support_polygon,
+    to_world,
     zmp,
+    zmp_of_wrench,
 )
 from gaitchain.messages import GRAVITY
 from gaitchain.robot.box_robot import load_box_robot
@@ -202,6 +205,46 @@ def test_margin_batches_and_signs():
     where = np.array([[[0.02, 0.0], [0.0, 0.0], [0.13, 0.0]], [[0.2, 0.0]] * 3])
     expected = [[0.065, 0.065, 0.0], [-0.07] * 3]
     np.testing.assert_allclose(margin(where, sole), expected, atol=1e-12)
+
+
+@given(SEEDS)
+def test_the_zmp_of_a_force_on_the_ground_is_where_it_acts(seed):
+    """Also of several; a torque about the vertical moves none of them."""
+    rng = np.random.default_rng(seed)
+    force, at = rng.normal(size=(2, 5, 3))
+    force[:, 2] = rng.uniform(1.0, 9.0, size=5)
+    acts = np.column_stack([rng.normal(size=(5, 2)), np.zeros(5)])
+    torque = np.cross(acts - at, force)
+    torque[:, 2] += rng.normal(size=5)
+    np.testing.assert_allclose(zmp_of_wrench(torque, force, at), acts[:, :2])
+    np.testing.assert_allclose(zmp_of_wrench(torque[0], force[0], at[0]), acts[0, :2])
+
+
+def test_a_robot_in_the_air_has_no_zmp():
+    """Nor has it a warning, of which pytest makes an error."""
+    at, force = np.zeros((2, 3)), np.array([[0.0, 0.0, 1.0], [np.nan] * 3])
+    found = zmp_of_wrench(np.zeros((2, 3)), force, at)
+    np.testing.assert_array_equal(found, [[0.0, 0.0], [np.nan, np.nan]])
+
+
+def test_to_world_mirrors_the_right_foot_and_turns_with_it():
+    foot = np.array([1.0, 2.0, np.pi / 2])
+    point = np.array([0.3, 0.1])
+    assert to_world(point, foot, True) == pytest.approx([0.9, 2.3])
+    assert to_world(point, foot, False) == pytest.approx([1.1, 2.3])
+    both = to_world(np.array([point] * 2), np.array([foot] * 2), [True, False])
+    np.testing.assert_allclose(both, [[0.9, 2.3], [1.1, 2.3]])
+
+
+@pytest.mark.parametrize(
+    ("support", "ends"),
+    [("rs", [-0.1]), ("ls", [0.1]), *((s, [-0.1, 0.1]) for s in ("rl", "lr", "stand"))],
+)
+def test_the_planned_region_is_as_wide_as_its_feet(support, ends):
+    feet = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
+    y = planned_region(RES, feet, support)[:, 1]
+    half = 0.5 * BIPED.sole_width
+    assert [y.min(), y.max()] == pytest.approx([ends[0] - half, ends[-1] + half])
 
 
 def test_support_runs_through_the_papers_regions():

@@ -4,11 +4,11 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gaitchain.identify.chord import MOST_STEPS, Prior, follow, slopes
+from gaitchain.identify.chord import MOST_STEPS, GaussianPrior, follow, slopes
 
 SIZE, ROWS, SENSORS = 5, 30, 4
 DESIGN = np.random.default_rng(3).normal(size=(ROWS, SENSORS, SIZE))
-PRIOR = Prior(
+PRIOR = GaussianPrior(
     np.zeros(SIZE), 1e-6 * np.eye(SIZE), np.full(SIZE, -9.0), np.full(SIZE, 9.0)
 )
 RIPPLE = 0.2  # of which the slopes are some twenty times those of the rest

@@ -133,10 +133,10 @@ def test_a_robot_that_stands_tells_zeros_and_its_com_by_smooth_slopes(monkeypatc
     monkeypatch.setitem(motion_fit.SURE_REPLAYS, "standing", 2)
     parameters = Parameters(RES.legs.joint_names)
     sd = np.full(len(parameters.all), 0.02)
-    sd[parameters.of("offset", "tilt", "com")] = 1.0
+    sd[parameters.places("offset", "tilt", "com")] = 1.0
     true = parameters.without(np.zeros(len(sd)), "dry_friction", "stiction")
-    true[parameters.of("offset")] = np.resize([0.7, -0.9, 0.4, 0.6, -0.8], 12)
-    true[parameters.of("com")] = 0.8, -0.7, 0.5
+    true[parameters.places("offset")] = np.resize([0.7, -0.9, 0.4, 0.6, -0.8], 12)
+    true[parameters.places("com")] = 0.8, -0.7, 0.5
     right = parameters.read(true)[0]
     sway = Motion("standing", exercise(RES)[1].targets[200:600])
     motion = MotionFit(RES, log_of(sway, right).parts[0], parameters, 1)

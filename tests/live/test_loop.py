@@ -30,7 +30,7 @@ from gaitchain.live.messages import (
     encode,
 )
 from gaitchain.live.safe_backend import SafeBackend
-from gaitchain.live.telemetry_record import record_of
+from gaitchain.live.telemetry_record import before_fall, record_of
 from gaitchain.messages import GRAVITY
 
 
@@ -195,9 +195,20 @@ def test_a_push_is_carried_out_and_told(walking):
     walking.run(0.1, drive=(0.3, 0.0, 0.0))
     assert walking.robot.data.qvel[1] - before > 0.1
     assert walking.happened("push") == ["a push of 10 N s to 90 deg"]
+
+
+def test_a_refused_push_is_told_to_who_asked_and_no_cause_of_a_fall(walking):
     walking.ask(PushRobot("me", 1e9, 0.0))
     walking.run(0.02)
-    assert "refused" in walking.happened("push")[-1]
+    (refused,) = (text for t in walking.port.told for text in t.refused)
+    assert refused.startswith("push by me refused: ")
+    assert walking.happened("command") == [refused]
+    assert not walking.happened("push")
+    walking.ask(Disturb("me", payload=5.0))
+    walking.run(3.0, drive=(0.3, 0.0, 0.0))
+    assert walking.last.trouble is TroubleKind.FALL
+    record = record_of(library().robot, before_fall(walking.port.told))
+    assert [text for _, text in record.events] == ["payload 500 %"]
 
 
 def test_a_push_names_its_body_and_elevation(walking):
@@ -205,10 +216,12 @@ def test_a_push_names_its_body_and_elevation(walking):
     walking.ask(PushRobot("me", 2.0, 0.0, body="arm"))
     walking.ask(PushRobot("me", 0.01, 0.0, body="any"))
     walking.run(0.02)
-    first, second, third = walking.happened("push")
+    first, second = walking.happened("push")
     assert first == "a push of 2 N s to 90 deg, 20 deg up on left_foot"
-    assert second.startswith("refused: body 'arm': the robot has trunk, left_femur")
-    assert third.startswith("a push of 0.01 N s to 0 deg")
+    assert second.startswith("a push of 0.01 N s to 0 deg")
+    (refused,) = walking.happened("command")
+    says = "push by me refused: body 'arm': the robot has trunk, left_femur"
+    assert refused.startswith(says)
 
 
 def test_disturbances_change_while_it_walks_and_are_told(walking):
@@ -244,9 +257,10 @@ def test_disturbances_beyond_their_limits_are_refused(walking):
     walking.ask(Disturb("me", punches=PunchesState(5.0, 0.01)))
     walking.run(0.02)
     assert walking.last.disturbances == before
-    assert walking.happened("world") == [
-        "refused: payload is 11.0, must be 0 to 10",
-        "refused: every_s is 0.01, must be 0.1 to 1000000",
+    assert not walking.happened("world")
+    assert walking.happened("command") == [
+        "disturb by me refused: payload is 11.0, must be 0 to 10",
+        "disturb by me refused: every_s is 0.01, must be 0.1 to 1000000",
     ]
 
 
@@ -270,7 +284,7 @@ def test_disturbances_lead_to_the_cause_of_a_fall(walking):
     walking.ask(Disturb("me", payload=5.0))
     walking.run(3.0, drive=(0.3, 0.0, 0.0))
     assert walking.last.trouble is TroubleKind.FALL
-    record = record_of(library().robot, walking.port.told)
+    record = record_of(library().robot, before_fall(walking.port.told))
     assert [text for _, text in record.events] == ["payload 500 %"]
 
 
@@ -695,9 +709,9 @@ def test_a_real_robot_is_not_pushed_from_here():
     live = Live(backend=FaultyRobot(physical=True)).run(3.0)
     live.ask(PushRobot("me", 10.0, 0.0), Disturb("me", payload=0.1))
     live.run(0.02)
-    assert live.happened("push") == ["only a simulated robot can be pushed from here"]
-    assert live.happened("world") == [
-        "only a simulated robot can be disturbed from here"
+    assert live.happened("command") == [
+        "push by me refused: only a simulated robot can be pushed from here",
+        "disturb by me refused: only a simulated robot can be disturbed from here",
     ]
     assert live.last.disturbances is None
 

@@ -16,7 +16,7 @@ from telemetry_factory import seen, told, walked
 
 from gaitchain.analysis.walk_metrics import support_region
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.figures.steps import to_world
+from gaitchain.gait.zmp import to_world
 from gaitchain.live.messages import Going
 from gaitchain.live.scene import Stage
 from gaitchain.live.telemetry_record import record_of

@@ -18,7 +18,7 @@ from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import RecordError
 from gaitchain.gait.motion import Timing
 from gaitchain.live.messages import Choice, Mode, TroubleKind
-from gaitchain.live.telemetry_record import record_of
+from gaitchain.live.telemetry_record import before_fall, record_of
 from gaitchain.messages import Command
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.walker.walker import Walker
@@ -156,12 +156,13 @@ def test_the_last_fall_counts_and_nothing_before_or_after_it(fallen):
     lying = [replace(fallen[-1], time_s=50.0 + i) for i in range(3)]
     again = [replace(row, time_s=row.time_s + 100.0) for row in fallen]
     up = [replace(row, time_s=row.time_s + 200.0) for row in fallen[:50]]
-    record = record_of(RES, [*fallen, *lying, *again, *up])
+    record = record_of(RES, before_fall([*fallen, *lying, *again, *up]))
     assert record.fell_at_s == pytest.approx(first.fell_at_s)
     np.testing.assert_allclose(record.time_s, first.time_s, atol=1e-9)
     np.testing.assert_array_equal(record.qpos, first.qpos)
     assert len(record.events) == 1
-    assert record_of(RES, [*fallen, *lying]).fell_at_s == first.fell_at_s
+    lies = record_of(RES, before_fall([*fallen, *lying]))
+    assert lies.fell_at_s == first.fell_at_s
 
 
 def test_a_get_up_that_fails_belongs_to_no_record(fallen):
@@ -171,7 +172,7 @@ def test_a_get_up_that_fails_belongs_to_no_record(fallen):
     given_up = told(RES, 53.0, **GIVEN_UP)
     again = [replace(row, time_s=row.time_s + 100.0) for row in fallen]
     for rows in ([*fallen, *up, given_up], [*fallen, *up, *again], [*up, *again]):
-        record = record_of(RES, rows)
+        record = record_of(RES, before_fall(rows))
         assert record.fell_at_s == pytest.approx(first.fell_at_s)
         np.testing.assert_array_equal(record.qpos, first.qpos)
     with pytest.raises(RecordError, match="no row with the torque on; nothing to"):

@@ -43,7 +43,7 @@ def test_another_process_is_another_number(tmp_path):
     part.beat()
     first = sight.drawn_by
     other = Pulse(tmp_path, "view")  # killed and started within a moment
-    other.hold("7")
+    other.keep("7")
     other.beat()
     assert (first, sight.drawn_by) == (os.getpid(), 7)
 

@@ -248,11 +248,11 @@ def test_a_stop_is_remembered_until_the_robot_may_move_again(tmp_path):
     robot, loop, pulse = small_library().robot, LoopEnd(tmp_path), Pulse(tmp_path)
     stop = {"mode": Mode.STOPPED, "reason": "by me"}
     loop.publish(told(robot, trouble=TroubleKind.EMERGENCY_STOP, **stop))
-    assert pulse.held == "emergency_stop: by me"
+    assert pulse.kept == "emergency_stop: by me"
     loop.publish(told(robot, trouble=TroubleKind.LINK, **stop))
-    assert pulse.held == "emergency_stop: by me"
+    assert pulse.kept == "emergency_stop: by me"
     loop.publish(told(robot, mode=Mode.RISING))
-    assert pulse.held == ""
+    assert pulse.kept == ""
     loop.close()
     pulse.close()
 
@@ -262,11 +262,11 @@ def test_a_stop_is_remembered_though_the_files_are_removed(watcher, tmp_path):
     with closing(Pulse(tmp_path)) as loop:
         for file in tmp_path.iterdir():
             file.unlink()
-        loop.hold("emergency_stop: by somebody")
+        loop.keep("emergency_stop: by somebody")
     watch._put_back()
     assert load_settings(tmp_path) == watch._settings
     with closing(Pulse(tmp_path)) as again:
-        assert again.held == "emergency_stop: by somebody"
+        assert again.kept == "emergency_stop: by somebody"
         before = watch._pulse.beats
         again.beat()
         assert watch._pulse.beats == before + 1

@@ -1,4 +1,4 @@
-"""The walker on a dynamic library: bad sensors, commands, standing, repeatability."""
+"""The walker on a library of strides: bad sensors, commands, standing, repeatability."""
 
 import math
 from dataclasses import replace

@@ -14,6 +14,7 @@ import numpy as np
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.gait.schedule import Schedule, counts_steps, due_commands
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Command
+from gaitchain.robot.turn import in_heading
 
 STILL_M = 0.002
 """A foot that moves less than this stands still [m]."""
@@ -78,9 +79,7 @@ def own_motion(qpos: Array) -> Array:
     yaw = np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
     moved = np.diff(qpos[:, :2], axis=0)
     facing = 0.5 * (yaw[1:] + yaw[:-1])
-    cos, sin = np.cos(facing), np.sin(facing)
-    ahead = cos * moved[:, 0] + sin * moved[:, 1]
-    left = cos * moved[:, 1] - sin * moved[:, 0]
+    ahead, left = in_heading(facing, *moved.T)
     motion = np.column_stack([yaw - yaw[0], np.zeros((len(yaw), 2))])[:, [1, 2, 0]]
     motion[1:, :2] = np.cumsum(np.column_stack([ahead, left]), axis=0)
     return motion

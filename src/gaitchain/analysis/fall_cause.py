@@ -22,6 +22,7 @@ from gaitchain.analysis.rules import (
     STRIDE_ADVICE,
     Finding,
     JudgedWalk,
+    Remedy,
     Rule,
     RuleLimits,
 )
@@ -32,8 +33,8 @@ RUN_UP_S = 1.5
 DISTURBED_S = 3.0
 """So long after a push a robot may take to fall [s]: some steps of a swaying walk."""
 _STILL = 1e-3  # m/s and rad/s: who was asked for less stood
-_OF_WALKS = ("slower command", "shorter steps", "--step-s", "more lift", "more reach")
-_DISTURBED = "a weaker disturbance (`gaitchain push` finds what it withstands)"
+_WEAKER = Remedy("a weaker disturbance (`gaitchain push` finds what it withstands)")
+_STOOD = Remedy("floor, load and servos: it stood")
 _IN_PROFILE = {
     "joint_torque_limit": "servo.NAME.torque_limit of the profile",
     "servo_stiffness": "servo.NAME.stiffness of the profile",
@@ -121,7 +122,7 @@ def explain(
     end_s = math.inf if fell_at_s is None else fell_at_s
     events = tuple(sorted(event for event in record.events if event[0] <= end_s))
     findings = tuple(
-        replace(f, advice=_stride_advice(f.rule, robot))
+        replace(f, remedies=_of_strides(f.rule, robot))
         if record.gait == STRIDES.name
         else f
         for f in found
@@ -131,7 +132,7 @@ def explain(
     if cause is not None and fell_at_s is not None:
         disturbed = bool(_disturbances(events, fell_at_s, cause.time_s))
         stood = _stood(record, fell_at_s)
-        fitting = replace(cause, advice=_fitting(cause.advice, disturbed, stood))
+        fitting = replace(cause, remedies=_fitting(cause.remedies, disturbed, stood))
         findings = tuple(fitting if f is cause else f for f in findings)
         cause = fitting
     return Explanation(fell_at_s, findings, cause, events, record.notes)
@@ -154,22 +155,22 @@ def _stood(record: WalkRecord, fell_at_s: float) -> bool:
     return bool(asked) and all(max(map(abs, c.motion)) < _STILL for c in asked)
 
 
-def _fitting(advice: str, disturbed: bool, stood: bool) -> str:
-    """Return the advice that fits: nobody can stand more slowly."""
-    ways = advice.split(", or ")
-    if stood:
-        ways = [way for way in ways if not any(word in way for word in _OF_WALKS)]
-    if disturbed:
-        ways = [_DISTURBED, *ways]
-    return ", or ".join(ways) or "floor, load and servos: it stood"
+def _fitting(
+    remedies: tuple[Remedy, ...], disturbed: bool, stood: bool
+) -> tuple[Remedy, ...]:
+    """Return the remedies that fit how the robot fell."""
+    fitting = tuple(r for r in remedies if not (stood and r.walking_only))
+    return ((_WEAKER,) if disturbed else ()) + fitting or (_STOOD,)
 
 
-def _stride_advice(rule: Rule, robot: Robot) -> str:
+def _of_strides(rule: Rule, robot: Robot) -> tuple[Remedy, ...]:
     """Return what to change; servos of a robot from a file have it in the profile."""
-    advice = STRIDE_ADVICE[rule]
+    remedies = STRIDE_ADVICE[rule]
     for key, in_profile in _IN_PROFILE.items() if not robot.of_boxes else ():
-        advice = advice.replace(key, in_profile)
-    return advice
+        remedies = tuple(
+            r._replace(text=r.text.replace(key, in_profile)) for r in remedies
+        )
+    return remedies
 
 
 def _cause(

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitchain.gait.zmp import LEAST_LOAD, to_world, zmp_of_wrench
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array
 from gaitchain.robot.robot import Robot
 
-_UNLOADED = 0.02  # of the weight: a sole with less load is off the ground
 _AIR_S = 0.05  # least time off the ground before a landing
 
 
-def columns(
+def columns_from_truth(
     robot: Robot, mass: float, rows: Mapping[str, Array], support: NDArray[np.str_]
 ) -> dict[str, Any]:
     """Compute the columns of a record that follow from the simulator's arrays.
@@ -35,7 +35,7 @@ def columns(
         `touch_down` of `WalkRecord`.
     """
     soles, wrench = _soles(robot, rows), rows["wrench"]
-    least_force = _UNLOADED * mass * GRAVITY
+    least_force = LEAST_LOAD * mass * GRAVITY
     time_s, load = rows["time_s"], wrench[..., 5]
     steps_s = np.diff(time_s) if len(time_s) > 1 else CONTROL_PERIOD_S
     period_s = float(np.median(steps_s))
@@ -43,7 +43,7 @@ def columns(
     return {
         **soles,
         "zmp": _zmp(wrench.sum(axis=1), rows["com"], least_force),
-        "planned_zmp": in_world(rows["planned_zmp"], soles["feet"], support),
+        "planned_zmp": _planned_zmp(rows["planned_zmp"], soles["feet"], support),
         "foot_load": load,
         "touch_down": _landings(load > least_force, air_rows),
     }
@@ -69,33 +69,16 @@ def _soles(robot: Robot, raw: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def _zmp(wrench: Array, com: Array, least_force: float) -> Array:
-    """Compute the ZMP from wrenches about the CoM, as `MujocoBackend.zmp` does."""
-    (x, y, z), force = com.T, wrench[:, 3:]
-    on_ground = force[:, 2] >= least_force
-    lift = np.where(on_ground, force[:, 2], np.nan)
-    ahead = x - (wrench[:, 1] + z * force[:, 0]) / lift
-    left = y + (wrench[:, 0] - z * force[:, 1]) / lift
-    return np.stack([ahead, left], axis=-1)
+    """Compute the ZMP from wrenches about the CoM, as `SimulatorTruth.zmp` does."""
+    torque, force = wrench[:, :3], wrench[:, 3:]
+    on_ground = force[:, 2:] >= least_force
+    return zmp_of_wrench(torque, np.where(on_ground, force, np.nan), com)
 
 
-def in_world(planned: Array, feet: Array, support: NDArray[np.str_]) -> Array:
-    """Transform the planned ZMP from the frame of the support foot to the world.
-
-    Args:
-        planned: (N, 2) ZMP in the support-foot frame [m].
-        feet: (N, 2, 3) x, y [m] and yaw [rad] of both feet in the world.
-        support: (N,) planned support.
-
-    Returns:
-        (N, 2) ZMP in the world [m].
-    """
+def _planned_zmp(planned: Array, feet: Array, support: NDArray[np.str_]) -> Array:
+    """Return the planned ZMP (N, 2) in the world, from the support foot's frame."""
     right = np.char.startswith(support, "r")
-    foot = feet[np.arange(len(feet)), right.astype(int)]
-    x, y = planned[:, 0], np.where(right, -1.0, 1.0) * planned[:, 1]
-    cos, sin = np.cos(foot[:, 2]), np.sin(foot[:, 2])
-    return np.asarray(
-        foot[:, :2] + np.stack([cos * x - sin * y, sin * x + cos * y], -1)
-    )
+    return to_world(planned, feet[np.arange(len(feet)), right.astype(int)], ~right)
 
 
 def _landings(on_ground: NDArray[np.bool_], air_rows: int) -> NDArray[np.bool_]:

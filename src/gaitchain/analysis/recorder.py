@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from gaitchain.analysis.record import Limit, WalkRecord
-from gaitchain.analysis.record_columns import columns
+from gaitchain.analysis.record_columns import columns_from_truth
 from gaitchain.backends.base import Truth
 from gaitchain.gait.family import STAND
 from gaitchain.gait.motion import Timing
@@ -181,7 +181,7 @@ class Recorder:
         known["time_s"] = np.array([row.time_s for row in rows])
         known["planned_zmp"] = np.array([row.planned_zmp for row in rows])
         return {
-            **columns(self._robot, self._mass, known, support),
+            **columns_from_truth(self._robot, self._mass, known, support),
             **{name: known[name] for name in ("qpos", "tilt", "foot_height")},
             "self_contact": np.array(touch),
             "support": support,

@@ -277,7 +277,7 @@ def _zmp(walk: JudgedWalk) -> Iterator[Finding]:
     measure = Measure(1e3 * margin, "mm", 1e3 * limit, np.min)
     for finding in walk.findings(Rule.ZMP, broken, hold_s, measure):
         row = int(np.searchsorted(walk.record.time_s, finding.time_s))
-        yield replace(finding, advice=EDGE_ADVICE[_edge(walk, row)])
+        yield replace(finding, remedies=(EDGE_ADVICE[_edge(walk, row)],))
 
 
 def _edge(walk: JudgedWalk, row: int) -> str:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gaitchain.analysis.record import WalkRecord
+from gaitchain.gait.zmp import LEAST_LOAD
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array
 from gaitchain.robot.robot import Robot
 
@@ -54,36 +55,65 @@ MEANINGS = {
     "edge of the soles on the ground, over which the robot then tips",
 }
 """What it means that a rule breaks, for a person."""
+
+
+class Remedy(NamedTuple):
+    """One thing that a user can change where a rule broke."""
+
+    text: str
+    """The parameter, and in which direction."""
+    walking_only: bool = False
+    """Whether it does nothing for a robot that stands: nobody stands more slowly."""
+
+
+_SLOWER = Remedy("a slower command", walking_only=True)
+_LONGER_STEPS = Remedy("--step-s up", walking_only=True)
+_GRIP = Remedy("the sole's friction up")
+_STIFFER = Remedy("servo_stiffness up")
+_STRONGER = Remedy("joint_torque_limit up")
 ADVICE = {
-    Rule.ESTIMATOR: "the estimator's gain up, or the gyro's bias out",
-    Rule.SELF_COLLISION: "sway down, or the bound of sideways steps",
-    Rule.SPEED: "--step-s up, or joint_speed_limit up",
-    Rule.TORQUE: "hip_height up (straighter knees), or joint_torque_limit up",
-    Rule.TRACKING: "servo_stiffness up, or --step-s up",
-    Rule.EARLY: "foot_z up (more lift)",
-    Rule.LATE: "hip_height down (more reach), or --step-s up",
-    Rule.SLIP: "the sole's friction up, or shorter steps",
-    Rule.ZMP: "sway",
+    Rule.ESTIMATOR: (
+        Remedy("the estimator's gain up"),
+        Remedy("the gyro's bias out"),
+    ),
+    Rule.SELF_COLLISION: (
+        Remedy("sway down"),
+        Remedy("the bound of sideways steps", walking_only=True),
+    ),
+    Rule.SPEED: (_LONGER_STEPS, Remedy("joint_speed_limit up")),
+    Rule.TORQUE: (Remedy("hip_height up (straighter knees)"), _STRONGER),
+    Rule.TRACKING: (_STIFFER, _LONGER_STEPS),
+    Rule.EARLY: (Remedy("foot_z up (more lift)", walking_only=True),),
+    Rule.LATE: (
+        Remedy("hip_height down (more reach)", walking_only=True),
+        _LONGER_STEPS,
+    ),
+    Rule.SLIP: (_GRIP, Remedy("shorter steps", walking_only=True)),
+    Rule.ZMP: (Remedy("sway"),),
 }
-# A walk by strides follows from its robot: what a user can change is what is asked.
+"""What to change in a walk of key poses."""
 STRIDE_ADVICE = {
-    Rule.ESTIMATOR: "standing still before it walks, for the gyro's bias",
-    Rule.SELF_COLLISION: "a slower command aside, or less turning",
-    Rule.SPEED: "a slower command, or a library with a lower --speed-limit",
-    Rule.TORQUE: "a slower command, or joint_torque_limit up",
-    Rule.TRACKING: "servo_stiffness up, or a slower command",
-    Rule.EARLY: "a slower command",
-    Rule.LATE: "a slower command",
-    Rule.SLIP: "the sole's friction up, or a slower command",
-    Rule.ZMP: "a slower command",
+    Rule.ESTIMATOR: (Remedy("standing still before it walks, for the gyro's bias"),),
+    Rule.SELF_COLLISION: (
+        Remedy("a slower command aside", walking_only=True),
+        Remedy("less turning", walking_only=True),
+    ),
+    Rule.SPEED: (_SLOWER, Remedy("a library with a lower --speed-limit")),
+    Rule.TORQUE: (_SLOWER, _STRONGER),
+    Rule.TRACKING: (_STIFFER, _SLOWER),
+    Rule.EARLY: (_SLOWER,),
+    Rule.LATE: (_SLOWER,),
+    Rule.SLIP: (_GRIP, _SLOWER),
+    Rule.ZMP: (_SLOWER,),
 }
-# Advice by the edge that the ZMP is at, in the heading of the loaded foot.
+"""The same of strides, which follow from the robot: a user changes what is asked."""
 EDGE_ADVICE = {
-    "front": "hip_x down (hips further back)",
-    "rear": "hip_x up (hips further ahead)",
-    "inner": "sway up (further over the support foot)",
-    "outer": "sway down (less far over the support foot)",
+    "front": Remedy("hip_x down (hips further back)"),
+    "rear": Remedy("hip_x up (hips further ahead)"),
+    "inner": Remedy("sway up (further over the support foot)"),
+    "outer": Remedy("sway down (less far over the support foot)"),
 }
+"""Remedy by the edge that the ZMP is at, in the heading of the loaded foot."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +130,7 @@ class RuleLimits:
     slip_way: float = 0.07
     """Greatest distance that a loaded foot moves within 1 s, part of a sole's length:
     15 mm on RES."""
-    contact_load: float = 0.02
+    contact_load: float = LEAST_LOAD
     """Part of the weight above which a foot is on the ground."""
     landing_load: float = 0.1
     """Part of the weight above which a swing foot has landed."""
@@ -140,8 +170,8 @@ class Finding:
     """Unit of amount and limit."""
     limit: float
     """Limit of the rule."""
-    advice: str
-    """The parameter to change, and in which direction."""
+    remedies: tuple[Remedy, ...]
+    """What to change."""
     joint: str | None = None
     """Joint at which the rule broke, for rules on joints."""
     foot: str | None = None
@@ -155,6 +185,11 @@ class Finding:
         if self.joint is not None:
             return f"{self.rule.value} at {self.joint}"
         return f"{self.rule.value}, {self.foot} foot" if self.foot else self.rule.value
+
+    @property
+    def advice(self) -> str:
+        """What to change, in words."""
+        return ", or ".join(remedy.text for remedy in self.remedies)
 
     @property
     def how_much(self) -> str:

@@ -7,6 +7,7 @@ from itertools import groupby, repeat
 
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.recorder import Recorder, WalkSample, observe
+from gaitchain.backends.base import Backend
 from gaitchain.backends.model import ModelBackend
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import CommandError
@@ -208,6 +209,17 @@ def _count_steps(
     return step_ticks
 
 
+def settling(walker: Walker, backend: Backend) -> Iterator[Array]:
+    """Yield the targets of a robot that settles, each to be written before the next.
+
+    It is held in its stand until it is still; then its walker runs, standing, until it
+    knows the vertical.
+    """
+    yield from repeat(walker.standing_targets.position, SETTLE_TICKS)
+    for _ in range(_tick(walker.gait.rest_s)):
+        yield walker.step(backend.read()).position
+
+
 class WatchedLoop:
     """The control loop of a walker and a simulator."""
 
@@ -233,14 +245,8 @@ class WatchedLoop:
 
     def settle(self) -> None:
         """Let the robot stand until it is still and the walker knows its vertical."""
-        for target in self._rest():
+        for target in settling(self.walker, self.backend):
             self.backend.write(target)
-
-    def _rest(self) -> Iterator[Array]:
-        """Yield the targets of a robot that settles."""
-        yield from repeat(self.walker.standing_targets.position, SETTLE_TICKS)
-        for _ in range(_tick(self.walker.gait.rest_s)):
-            yield self.walker.step(self.backend.read()).position
 
     def give(self, due: list[tuple[float, Command]]) -> None:
         """Run the loop and give each command at its time."""
@@ -316,8 +322,8 @@ class _RecordedLoop(WatchedLoop):
     def settle(self) -> None:
         """Let the robot stand; if it falls, that is recorded in place of a walk."""
         gait, rows = self.walker.gait, []
-        rest = _tick(gait.rest_s)
-        for tick, target in enumerate(self._rest(), start=-SETTLE_TICKS - rest):
+        rest, targets = _tick(gait.rest_s), settling(self.walker, self.backend)
+        for tick, target in enumerate(targets, start=-SETTLE_TICKS - rest):
             time_s = tick * CONTROL_PERIOD_S
             row = observe(time_s, target, gait, self._simulator)
             if tick < -rest:  # the walker has not measured anything yet

@@ -11,14 +11,13 @@ from gaitchain.analysis import base_motion
 from gaitchain.analysis.fall_cause import explain, when_fell
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.gait.schedule import Schedule, counts_steps
-from gaitchain.gait.zmp import margin, sole_corners, support_polygon
+from gaitchain.gait.zmp import FEET_ON_GROUND, margin, planned_region
 from gaitchain.messages import Array, Command
 from gaitchain.robot.robot import Robot
 
 RUN_IN_S = 2.0
 """Beginning of a timed schedule, left out of the mean speed and its error [s]."""
-_FEET_ON_GROUND = {"rs": (1,), "rl": (0, 1), "ls": (0,), "lr": (0, 1), "stand": (0, 1)}
-_SINGLE = [name for name, feet in _FEET_ON_GROUND.items() if len(feet) == 1]
+_SINGLE = [name for name, feet in FEET_ON_GROUND.items() if len(feet) == 1]
 
 
 @dataclass(frozen=True)
@@ -198,9 +197,7 @@ def support_region(
 ) -> Array:
     """Return the planned support region at the measured feet, (K, 2) [m]."""
     where = record.feet[row] if feet is None else feet
-    standing = _FEET_ON_GROUND[str(record.support[row])]
-    soles = [sole_corners(robot, where[i][:2], where[i][2]) for i in standing]
-    return soles[0] if len(soles) == 1 else support_polygon(soles)
+    return planned_region(robot, where, str(record.support[row]))
 
 
 def _segments(

@@ -179,7 +179,7 @@ class ModelBackend(SimulatedMotors):
     def fallen(self) -> bool:
         """Whether the hips are below 0.65 of their height, or tilted past 45 deg.
 
-        Or nobody knows, as the physics diverged.
+        Also if the physics diverged.
         """
         upright = self.data.xmat[self._base].reshape(3, 3)[2] @ self._turn[:, 2]
         high = self._hips_height() >= FALL_HEIGHT * self._height

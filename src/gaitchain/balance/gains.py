@@ -113,7 +113,7 @@ class Gains(NamedTuple):
     """Between planned ZMP and the sole's edge [m]; the ankles use what is left."""
     firm_front: float = gain(lambda s: s.firm_front, open_loop=math.inf)
     """Ends of where feedback puts the ZMP of one foot, ahead of the ankle [m]. A plan
-    may step off on a heel's point; who falls back onto it is not held there."""
+    may step off on a heel's point; a robot that falls back onto it is not held."""
     firm_rear: float = gain(lambda s: s.firm_rear, open_loop=-math.inf)
     """[m]"""
     foot_zmp: Planar = gain(

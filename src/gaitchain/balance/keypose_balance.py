@@ -1,6 +1,6 @@
 """Balance a motion that was planned in joint angles: the paper's walk. Compiled.
 
-Only the ankles work, for nothing else of the balance can do without the next step.
+Only the ankles work: all other feedback needs the next step, which such a plan lacks.
 """
 
 from typing import NamedTuple

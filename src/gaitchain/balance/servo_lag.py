@@ -26,7 +26,7 @@ def note_lag(walk: Any, joints: Array, memory: Memory) -> None:
         tau <- tau + dt / M  sum_j q'_j (q_j - m_j - tau q'_j)
 
     with the reference q and the measured m. Offsets of encoders cancel in a cycle, and
-    who stands learns and forgets nothing.
+    a standing robot neither learns nor forgets.
 
     Args:
         walk: its `state.lag` is rewritten.

@@ -99,10 +99,10 @@ def step_ends(
 def most_further(legs: Legs, walk: Walk) -> float:
     """Return at most how much further a stop lands than its DCM asks, either way [m].
 
-    It is 0 for all other steps. Whoever stops with one foot ahead of the other stands
-    on both: the DCM over the hind one is near the line from heel to heel, and is to end
-    between the feet. A pushed robot, whose foot lands far from where it was to be,
-    steps on in any case, and needs all of its reach: it is 0 there, too.
+    It is 0 for all other steps. A robot that stops with one foot ahead of the other
+    stands on both: the DCM over the hind one is near the line from heel to heel, and is
+    to end between the feet. A pushed robot, whose foot lands far from where it was to
+    be, steps on in any case, and needs all of its reach: it is 0 there, too.
 
     Args:
         legs: the robot.

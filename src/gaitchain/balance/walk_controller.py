@@ -66,7 +66,7 @@ class Snapshot(NamedTuple):
 class WalkController:
     """The state of a walk, and what moves it on.
 
-    `drive` is a control period in one call. Its parts, for who must act in between:
+    `drive` is a control period in one call. Its parts, for callers that act in between:
     `exchange` and `begin_step` where it `wants_stride`, then `advance`.
     """
 

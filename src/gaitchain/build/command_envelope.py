@@ -41,18 +41,19 @@ _HARD_RUNS = 4  # walks of each end with one that these do not hold
 _HARD_TURNS, _LESS = 6, 0.9  # how often an end is reduced, and to which part
 _AXES = ("vx", "vy", "yaw_rate")
 _SHORT = 0.1  # of the command: what may be missing of the speed or of the turn
-_LEAST_SLOW = 0.5  # of an end: who is slow there, too, is so at any speed
+_LEAST_SLOW = 0.5  # of an end: a robot that is slow there, too, is so at any speed
 
 
 def hold_steady(library: GaitLibrary, crew: Crew) -> GaitLibrary:
     """Reduce the range of commands to speeds that are held for long.
 
     Random schedules rarely stay long at one end of the range. An end at which the robot
-    falls, or goes a tenth slower than asked, is tried again at a lower speed. So many
-    are tried that few walks pass one that falls often: twelve pass one in five falls in
-    7 %, the number of now in 0.5 %. Who falls now and then at any speed is no safer for
-    having no way back, so such an end is the largest command that held twelve. A robot
-    that is too slow at half of it, too, is given the command at which it was fastest.
+    falls, or goes a tenth slower than asked, is tried again at a lower speed. Walks are
+    so many that an end at which one in five falls rarely passes: twelve hold with a
+    chance of 7 %, all with 0.5 %. A robot that falls now and then at every speed gains
+    nothing from losing that direction, so such an end is the largest command that held
+    twelve. A robot that is too slow at half of it, too, is given the command at which
+    it was fastest.
     The steps are kept: a speed that cannot be held may still be possible for a step or
     two.
 
@@ -152,7 +153,7 @@ def slow_weakest(
 ) -> GaitLibrary:
     """Reduce the ends of the range that fall most to a part; all, if they fall alike.
 
-    Who falls turning is not safer for walking slowly ahead.
+    A robot that falls when turning gains nothing from a slower speed ahead.
 
     Args:
         library: with its `steady` range.

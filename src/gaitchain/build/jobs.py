@@ -23,7 +23,7 @@ from gaitchain.errors import WorkerError
 
 _T = TypeVar("_T")
 # Jobs for each process that are handed over together where no result comes before the
-# last one: an interrupt loses so many at most, and whoever is done earlier waits.
+# last one: an interrupt loses so many at most, and processes that are done wait.
 _AT_ONCE = 8
 # By which a backend says that a process of its was killed, as for want of memory. Those
 # of a backend that is not in use are not imported.

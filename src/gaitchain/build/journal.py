@@ -51,7 +51,7 @@ class Journal:
         Raises:
             JournalError: the file cannot be read, or another run writes to it.
         """
-        # Whoever is refused before the file is begun leaves no lock, either.
+        # A run that is refused before the file is begun leaves no lock, either.
         self._unlock = finalize(self, _unlock, _locked(path))
         digest = hashlib.sha256(code_digest().encode())
         for part in subject:

@@ -47,7 +47,7 @@ def own_model(file: str | Path, robot: Robot, world: World) -> mujoco.MjModel:
         file: the robot's MJCF or URDF, or its name in a collection.
         robot: the robot that was found in it; a joint that the file leaves without an
             actuator, as a URDF does, gets one. What pulls at legs by a tendon or a
-            crank, which nobody gives a target, is left out.
+            crank, which gets no target, is left out.
         world: slope and errors of the links; the rest of it has no effect.
     """
     spec = own_spec(file, robot).spec.copy()

@@ -99,8 +99,8 @@ def _draw_world(
     """Draw a world of training with blocks, pushes, both, or a waist that gives way.
 
     The last is another robot than ours: many of its steps are off by more than usual,
-    few of them end in a fall, so that who is too careful loses way there. Some carry a
-    load, swing their arms, or have servos that get their targets late.
+    few of them end in a fall, so that a robot that is too careful loses way there. Some
+    carry a load, swing their arms, or have servos that get their targets late.
     """
     rng = np.random.default_rng(seed)
     world = crew.worlds.but(push_ns=0.0).draw(rng)

@@ -1,6 +1,6 @@
 """Training walks that go where earlier ones leave the best way open. Ours.
 
-Uniform draws spend most of their walks on gaits that nobody will choose. Here the ends
+Uniform draws spend most of their walks on gaits that are never chosen. Here the ends
 of the steps stay as they were drawn, and the poses in between are the cheapest way by
 costs drawn from what the earlier walks leave possible (Thompson sampling): good ways
 are walked more often, and so are those of which little is known.

@@ -185,7 +185,7 @@ def draw_sizes(
 
     At random, or, where earlier walks are known, those of least cost by odds drawn from
     what these leave possible (Thompson sampling): likely choices are told apart, not
-    those that nobody will take.
+    those that are never taken.
 
     Args:
         count: number of walks.

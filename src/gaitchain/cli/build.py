@@ -1,39 +1,27 @@
 """`gaitchain build`: build a qualified gait library from a robot's file."""
 
-import hashlib
 import time
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from gaitchain.build.journal import Journal, code_digest
+from gaitchain.build.journal import Journal
 from gaitchain.build.own_model import own_digest
 from gaitchain.build.own_trials import own_fault
 from gaitchain.build.pipeline import BuildReport, build_library
 from gaitchain.build.workers import available_cores
 from gaitchain.cli.cluster import check_address, on_backend
-from gaitchain.cli.console import (
-    check_files,
-    check_replaced,
-    check_writable,
-    print_table,
-    progress,
-    say,
-)
+from gaitchain.cli.console import print_table, progress, say
+from gaitchain.cli.files import check_files, check_replaced, check_writable
 from gaitchain.cli.kept_work import kept_in
 from gaitchain.cli.libraries import find_library
 from gaitchain.cli.options import Build
 from gaitchain.discover.loaded_robot import load_robot, robot_file
-from gaitchain.errors import (
-    CommandError,
-    LibraryError,
-    file_errors,
-)
+from gaitchain.errors import LibraryError
 from gaitchain.gait.build_config import BuildConfig
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library, save_library
 from gaitchain.robot.robot import Robot
-from gaitchain.robot.whole_file import replace_file
 
 _CONFIGURED = {field.name for field in fields(BuildConfig)}
 
@@ -54,7 +42,8 @@ def run(options: Build) -> tuple[int, dict[str, Any]]:
         read = robot_file(config.robot), options.profile, identified
         check_files([options.output], read)
         check_replaced(options.output, "the library", "a gait library")
-        library, report, elapsed_s = _build(config, options.output, workers, robot)
+        built = build_and_save(config, options.output, workers, robot)
+    library, report, elapsed_s = built
     if not library.qualified:
         say("not qualified: this library will be refused; see the table above")
     found = {
@@ -103,7 +92,7 @@ def identified_robot(config: BuildConfig, identified: Path | None) -> Robot:
     return found
 
 
-def _build(
+def build_and_save(
     config: BuildConfig, path: Path, workers: int | None, robot: Robot
 ) -> tuple[GaitLibrary, BuildReport, float]:
     """Build a library, save it, and print the report; return also the duration [s].
@@ -131,74 +120,6 @@ def _build(
     print_report(library, report)
     say(f"{path}: {size / 1000:.1f} kB, built in {elapsed_s:.0f} s")
     return library, report, elapsed_s
-
-
-def cached_library(
-    config: BuildConfig, path: Path, workers: int | None = None
-) -> tuple[GaitLibrary, float]:
-    """Load the library of an earlier run with this config and code, or build it.
-
-    A file beside the library identifies the code, as two checkouts of one version may
-    build different libraries, and what it built.
-
-    Returns:
-        The library and the duration of the build [s], 0 for a loaded library.
-
-    Raises:
-        LibraryError: there is a library that does not fit, and another command made it
-            or has changed it.
-    """
-    robot = load_robot(config.robot, config.profile)
-    if path.is_file():
-        library = _earlier(config, path, robot)
-        if library is not None:
-            say(f"{path}: built earlier from this config")
-            return library, 0.0
-    library, _, elapsed_s = _build(config, path, workers, robot)
-    note = _made_by(path)
-    with file_errors(note, "written", CommandError):
-        replace_file(note, f"{code_digest()} {_digest(path)}\n".encode())
-    return library, elapsed_s
-
-
-def _earlier(config: BuildConfig, path: Path, robot: Robot) -> GaitLibrary | None:
-    """Return the library of a file if it fits; None if it is to be built again."""
-    code, built = [*_noted(path), "", ""][:2]
-    try:
-        library = load_library(path, robot)
-    except LibraryError as error:
-        why = str(error)
-    else:
-        same = library.robot.in_file.fingerprint == robot.in_file.fingerprint
-        fits = same and library.config == config
-        if fits and code == code_digest():
-            return library
-        other = "was built by other code" if fits else "is of another config or robot"
-        why = f"{path} {other}"
-    if built != _digest(path):
-        raise LibraryError(
-            f"{why}; it is not as it was built here, so it stays: name it as the "
-            "library, choose another folder with --out, or remove it"
-        )
-    say(f"building again: {why}")
-    return None
-
-
-def _noted(path: Path) -> list[str]:
-    """Return the hashes beside a library; none where nothing says who built it."""
-    try:
-        return _made_by(path).read_text("utf-8", errors="replace").split()
-    except OSError:
-        return []
-
-
-def _made_by(path: Path) -> Path:
-    """Name the file with the hashes of the code and of the library that it built."""
-    return path.with_name(f"{path.name}.made-by")
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def print_report(library: GaitLibrary, report: BuildReport) -> None:

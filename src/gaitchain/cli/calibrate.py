@@ -40,8 +40,9 @@ from gaitchain.backends.dynamixel.search import opened, parse_ids
 from gaitchain.backends.dynamixel.servos import ServoSetup, let_go, servo_setup
 from gaitchain.backends.makes import MakeName
 from gaitchain.cli.calibration_check import compare
-from gaitchain.cli.console import check_writable, print_table, say
+from gaitchain.cli.console import print_table, say
 from gaitchain.cli.exercise import run_exercise
+from gaitchain.cli.files import check_writable
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.mixtures import refuse
 from gaitchain.cli.options import Calibrate
@@ -64,6 +65,7 @@ def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
         return run_exercise(options)
     if options.view is not None:
         raise CommandError("--view: shows an exercise; give --exercise FILE as well")
+    _check_asked(options)
     port = _port(options)
     _check_unused(options)
     robot = read_library(options.library).robot.nominal
@@ -82,19 +84,21 @@ def run(options: Calibrate) -> tuple[int, dict[str, Any]]:
     return 0, msgspec.to_builtins(calibration)
 
 
+def _check_asked(options: Calibrate) -> None:
+    """Refuse options that ask for nothing, or for two things at once."""
+    if (options.output is None) == (options.check is None):
+        raise CommandError(
+            "calibrate: give one of -o FILE, to write a calibration, --check FILE, "
+            "--exercise FILE and --preview FILE"
+        )
+
+
 def _port(options: Calibrate) -> str:
     """Return the serial port of the servos.
 
-    Refuse options that name no port or ask for nothing.
-
     Raises:
-        CommandError: the options do not go together.
+        CommandError: none is named, or that of emulated servos.
     """
-    if (options.output is None) == (options.check is None):
-        raise CommandError(
-            "calibrate: give either -o FILE, to write a calibration, --check FILE, "
-            "--exercise FILE or --preview FILE"
-        )
     if options.port is None or options.robot_hidden is not None:
         raise CommandError("calibrate: give --port, the serial port of the servos")
     if options.port == EMULATED:

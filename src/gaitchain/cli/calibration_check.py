@@ -4,6 +4,7 @@ The robot must hang upright and still, so that the IMU's signals are known.
 """
 
 import time
+from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ from gaitchain.backends.dynamixel.imu import BusImu
 from gaitchain.backends.dynamixel.make import Make, make_named
 from gaitchain.backends.dynamixel.search import opened
 from gaitchain.cli.console import print_table, say
-from gaitchain.commission.imu import READS, implausible
+from gaitchain.commission.imu import faults_at_rest, mean_of, samples
 from gaitchain.messages import Array
 from gaitchain.walker.upright import tilt_deg
 
@@ -27,7 +28,6 @@ _HEADS = (
     *("joint", "id", "model", "at [deg]", "from", "to"),
     *("[deg C]", "[V]", "what is wrong"),
 )
-_KEYS = "joint", "id", "model", "at_deg", "from", "to", "deg_c", "v", "wrong"
 _MISSING = "-"
 _APART_S = 0.01
 
@@ -43,22 +43,52 @@ def compare(
     feels: list[str] = []
     make = make_named(calibration.make)
     with opened(port, bauds, ids, make) as (bus, baud, models):
-        rows = [
-            _row(bus, name, joint, models.get(joint.id))
+        found = [
+            _compared(bus, name, joint, models.get(joint.id))
             for name, joint in calibration.joints.items()
         ]
         if calibration.imu is not None:
             feels = _felt(bus, calibration.imu)
-    wrong = [row[-1] for row in rows if row[-1]]
+    wrong = [", ".join(joint.wrong) for joint in found if joint.wrong]
     if baud != calibration.baud:
         wrong.append("baud")
         say(f"the bus runs at {baud} bit/s, the file says {calibration.baud}")
     wrong += feels
     title = f"{calibration.robot} on {port}, as the gait library sees it"
-    print_table(title, _HEADS, rows, (0, 2, 8))
+    print_table(title, _HEADS, [joint.cells for joint in found], (0, 2, 8))
     say(_in_words(len(wrong)))
-    joints = [dict(zip(_KEYS, row, strict=True)) for row in rows]
+    joints = [asdict(joint) for joint in found]
     return 1 if wrong else 0, {"baud": baud, "joints": joints, "wrong": wrong}
+
+
+@dataclass(frozen=True)
+class _Compared:
+    """A joint of the calibration, and its servo; None for what that did not say."""
+
+    joint: str
+    id: int
+    model: str | None
+    at_deg: float | None
+    from_deg: float
+    to_deg: float
+    temperature_c: float | None
+    supply_v: float | None
+    wrong: tuple[str, ...]
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """Its row of the table."""
+        return (
+            *(self.joint, f"{self.id}", self.model or _MISSING),
+            _cell(self.at_deg, 1),
+            *(_cell(self.from_deg, 1), _cell(self.to_deg, 1)),
+            *(_cell(self.temperature_c, 0), _cell(self.supply_v, 1)),
+            ", ".join(self.wrong),
+        )
+
+
+def _cell(value: float | None, digits: int) -> str:
+    return _MISSING if value is None else f"{value:.{digits}f}"
 
 
 def _in_words(wrong: int) -> str:
@@ -87,23 +117,28 @@ def _tables(bus: ServoBus, number: int) -> _Tables | None:
     return _Tables(*found)
 
 
-def _row(
+def _compared(
     bus: ServoBus, name: str, joint: JointCalibration, model: int | None
-) -> tuple[str, ...]:
-    limits = f"{joint.lower:.1f}", f"{joint.upper:.1f}"
+) -> _Compared:
     tables = None if model is None else _tables(bus, joint.id)
     if model is None or tables is None:
-        blank = (_MISSING,) * 2
-        return (name, f"{joint.id}", *blank, *limits, *blank, "does not answer")
+        ends = joint.lower, joint.upper
+        silent = ("does not answer",)
+        return _Compared(name, joint.id, None, None, *ends, None, None, silent)
     found = bus.make.models.get(model)
     angle = angle_of(joint, bus.make.measured(tables.present)[2])
     heat, volts = bus.make.heat(tables.supply)
     kind = f"model {model}" if found is None else found.name
-    return (
-        *(name, f"{joint.id}", kind, f"{angle:.1f}", *limits),
-        f"{heat:.0f}",
-        f"{volts:.1f}",
-        ", ".join(_wrong(bus.make, tables, joint, kind, angle)),
+    return _Compared(
+        joint=name,
+        id=joint.id,
+        model=kind,
+        at_deg=angle,
+        from_deg=joint.lower,
+        to_deg=joint.upper,
+        temperature_c=heat,
+        supply_v=volts,
+        wrong=tuple(_wrong(bus.make, tables, joint, kind, angle)),
     )
 
 
@@ -125,34 +160,23 @@ def _wrong(
 def _felt(bus: ServoBus, imu: ImuCalibration) -> list[str]:
     """Print an IMU's mean signals over a quarter of a second; return problems."""
     name, device = f"imu (id {imu.id})", BusImu(imu)
-    turning, pulling = _averages(bus, device)
-    if not np.isfinite([turning, pulling]).all():
-        wrong = ["does not answer, or with what are no numbers: check id and format"]
-    else:
+    came = samples(
+        lambda: device.read(bus),
+        lambda: time.sleep(_APART_S),
+        lambda: bool(device.note),
+    )
+    if len(came):
+        turning, pulling = mean_of(came)
         say(
             f"{name}: acceleration {_numbers(pulling)} m/s^2, "
             f"{np.linalg.norm(pulling):.2f} long, up is {tilt_deg(pulling):.0f} deg "
             f"from the trunk's z; turns by {_numbers(np.degrees(turning))} deg/s"
         )
-        wrong = [f"{it.why}: {it.todo}" for it in implausible(turning, pulling)]
+    wrong = [f"{it.why}: {it.todo}" for it in faults_at_rest(came)]
     for words in wrong:
         say(f"{name}: {words}")
     return wrong
 
 
-def _averages(bus: ServoBus, device: BusImu) -> tuple[Array, Array]:
-    """Return mean rate [rad/s] and acceleration [m/s^2]; NaN without any answer."""
-    came = []
-    for _ in range(READS):
-        both = np.array(device.read(bus))
-        if np.isfinite(both).all():
-            came.append(both)
-        elif device.note:
-            break
-        time.sleep(_APART_S)
-    turning, pulling = np.mean(came, axis=0) if came else np.full((2, 3), np.nan)
-    return turning, pulling
-
-
 def _numbers(values: Array) -> str:
-    return ", ".join(f"{value:.2f}" for value in values.tolist())
+    return ", ".join(f"{value:z.2f}" for value in values.tolist())

@@ -1,12 +1,12 @@
 """`gaitchain doctor`: take a robot into service stage by stage, go or no-go."""
 
+import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from gaitchain.backends.dynamixel import (
     Calibration,
@@ -30,6 +30,7 @@ from gaitchain.commission.bench import Bench, Verdict
 from gaitchain.commission.stages import STAGES, Stage
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
+from gaitchain.messages import GRAVITY
 
 _SKIP, _QUIT, _NO = ("s", "skip"), ("q", "quit"), ("n", "no")
 _ALONE = Verdict(
@@ -38,7 +39,14 @@ _ALONE = Verdict(
     "stand beside the robot, and leave --yes out",
 )
 _UNREACHED = Verdict("skipped", "not reached")
-_EMULATED_IMU = ImuCalibration(200, 38, 44, 0.001065, 0.000598)
+# As on an OpenCR board: 2000 deg/s and 2 g are the ends of 16 bits.
+_EMULATED_IMU = ImuCalibration(
+    id=200,
+    gyro=38,
+    accelerometer=44,
+    gyro_scale=math.radians(2000.0) / 2**15,
+    accelerometer_scale=2.0 * GRAVITY / 2**15,
+)
 _EMULATED_NOISE = 3.0  # counts
 _HEADS = "stage", "verdict", "found", "what to do"
 
@@ -169,10 +177,7 @@ def _port(library: GaitLibrary, calibration: Calibration, port: str) -> Iterator
     if port != EMULATED:
         yield port
         return
-    legs = library.robot.legs
-    stand = dict(zip(legs.joint_names, legs.stand, strict=True))
-    angles = np.array([stand.get(name, 0.0) for name in calibration.joints])
-    with ServoBusEmulator.like(calibration, angles) as bus:
+    with ServoBusEmulator.standing(calibration, library.robot.legs) as bus:
         for device in bus.bus.devices.values():
             if isinstance(device, EmulatedImu):
                 device.noise = _EMULATED_NOISE  # one that never changes counts as stuck

@@ -13,7 +13,8 @@ from gaitchain.backends.dynamixel import (
     ServoBusEmulator,
 )
 from gaitchain.backends.dynamixel.calibration import LOW_PWM, MOST_PWM
-from gaitchain.cli.console import check_files, check_replaced, progress, say
+from gaitchain.cli.console import progress, say
+from gaitchain.cli.files import check_files, check_replaced
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.mixtures import refuse
 from gaitchain.cli.options import Calibrate

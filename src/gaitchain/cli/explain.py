@@ -11,7 +11,8 @@ from gaitchain.analysis.fall_cause import DISTURBED_S, Explanation, explain
 from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.record_file import RECORD, load_record
 from gaitchain.analysis.rules import Finding
-from gaitchain.cli.console import check_picture, print_table, say
+from gaitchain.cli.console import print_table, say
+from gaitchain.cli.files import check_picture
 from gaitchain.cli.mixtures import refuse
 from gaitchain.cli.options import Explain
 from gaitchain.errors import CommandError, RecordError
@@ -117,7 +118,9 @@ def _happened(explanation: Explanation) -> list[tuple[float, str]]:
 
 
 def _plain(finding: Finding) -> dict[str, Any]:
-    return {**asdict(finding), "rule": finding.rule.value}
+    plain = asdict(finding) | {"rule": finding.rule.value, "advice": finding.advice}
+    del plain["remedies"]
+    return plain
 
 
 def _show(explanation: Explanation, path: Path) -> None:

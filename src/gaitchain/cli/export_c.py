@@ -3,7 +3,8 @@
 from pathlib import Path
 from typing import Any
 
-from gaitchain.cli.console import make_folder, print_table, say
+from gaitchain.cli.console import print_table, say
+from gaitchain.cli.files import make_folder
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Export
 from gaitchain.errors import CommandError, file_errors

@@ -7,14 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from gaitchain.cli.console import (
-    check_replaced,
-    check_writable,
-    make_folder,
-    print_table,
-    say,
-    watched,
-)
+from gaitchain.cli.console import print_table, say, watched
+from gaitchain.cli.files import check_replaced, check_writable, make_folder
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Export
 from gaitchain.discover.catalogue import find_robot_file

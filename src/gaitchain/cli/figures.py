@@ -6,9 +6,10 @@ from typing import Any
 
 from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.backends.mujoco import MujocoBackend
-from gaitchain.cli.build import cached_library
-from gaitchain.cli.console import make_folder, print_table, progress, say
+from gaitchain.cli.console import print_table, progress, say
+from gaitchain.cli.files import make_folder
 from gaitchain.cli.libraries import read_library
+from gaitchain.cli.library_cache import cached_library
 from gaitchain.cli.options import Figures
 from gaitchain.discover.looks import find_looks
 from gaitchain.errors import CommandError, LibraryError, RenderError

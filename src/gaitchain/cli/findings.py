@@ -7,7 +7,8 @@ import mujoco
 
 from gaitchain.analysis.zmp_error import STRIDE, zmp_error
 from gaitchain.build.own_trials import own_fault
-from gaitchain.cli.console import check_picture, print_table, say
+from gaitchain.cli.console import print_table, say
+from gaitchain.cli.files import check_picture
 from gaitchain.cli.legs import degrees, show_legs
 from gaitchain.discover.loaded_robot import LoadedRobot, load_with_findings
 from gaitchain.discover.looks import read_looks

@@ -11,14 +11,8 @@ import numpy as np
 from gaitchain.build.journal import Journal
 from gaitchain.build.own_model import model_digest, own_model
 from gaitchain.build.workers import available_cores
-from gaitchain.cli.console import (
-    check_files,
-    check_replaced,
-    print_table,
-    progress,
-    say,
-    watched,
-)
+from gaitchain.cli.console import print_table, progress, say, watched
+from gaitchain.cli.files import check_files, check_replaced
 from gaitchain.cli.kept_work import kept_in
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import GetUp as Options

@@ -9,14 +9,8 @@ from typing import Any
 
 from gaitchain.build.journal import Journal
 from gaitchain.build.workers import Crew, available_cores
-from gaitchain.cli.console import (
-    check_files,
-    check_picture,
-    check_replaced,
-    print_table,
-    progress,
-    say,
-)
+from gaitchain.cli.console import print_table, progress, say
+from gaitchain.cli.files import check_files, check_picture, check_replaced
 from gaitchain.cli.kept_work import kept_in
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Identify

@@ -24,7 +24,8 @@ _SEED = Limits(0, TRIALS - 1)  # builds have the larger ones
 
 _SERVO = (
     "Play, friction, torque-speed line and resolution of a servo, as they were "
-    "published; what nobody published is ideal (0). Options beside it count more."
+    "published. Values that were not published are 0 (ideal). Other options override "
+    "these."
 )
 
 
@@ -51,8 +52,8 @@ def _world_options() -> type:
     made.__doc__ = """Floor, servos and sensors of the simulation.
 
     What is not given is nominal in `walk`. In `trial` and `push` the friction is 0.6
-    to 1; for a dynamic library the model error is up to 0.1, for another one gain and
-    mass vary.
+    to 1; for a library of strides the model error is up to 0.1, for another one gain
+    and mass vary.
     """
     return made
 
@@ -167,13 +168,13 @@ class Walk:
     profile: Profile = None
     schedule: str | None = None
     """Segments "speed@cycles": m/s, and cycles of two steps or "half" for one step; the
-    paper's walk "0.04@half,0.08@2,0.02@half" by default. For a dynamic library
-    "vx,vy,yaw@seconds;..." in m/s and rad/s; by default all that it can do. A fourth
-    number before the @ lowers the hips [m]."""
+    paper's walk "0.04@half,0.08@2,0.02@half" by default. For a library of
+    strides "vx,vy,yaw@seconds;..." in m/s and rad/s; by default all that it can do. A
+    fourth number before the @ lowers the hips [m]."""
     waypoints: str | None = None
     """Instead of a schedule: places "x,y,yaw;..." in m and deg from where the robot
     stands (0 ahead, 90 to the left); it stands at each, or gives it up after 60 s and
-    twice the time of the way at full speed. Of a dynamic library only."""
+    twice the time of the way at full speed. Of a library of strides only."""
     crouch: Crouch = 0.0
     push: Pushes = None
     punches: Punches = None
@@ -267,9 +268,9 @@ class Trial:
     seed: Seed = 1
     schedule: str = "random"
     """Walked in every run, as `walk` takes it; "random" draws one for each: of steps
-    with starts and stops, for a dynamic library a new command every 2 s."""
+    with starts and stops, for a library of strides a new command every 2 s."""
     seconds: Annotated[float, Limits(1.0, 3600.0)] = 30.0
-    """Length of a dynamic library's random schedules [s]."""
+    """Length of random schedules, for a library of strides [s]."""
     crouch: Crouch = 0.0
     own_model: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
     """The robot's MJCF or URDF: walk in it with every joint, actuator and contact that
@@ -546,7 +547,7 @@ class Figures:
 
 @dataclass(frozen=True)
 class Bench:
-    """Measure speeds against each other in one run, so that the machine cancels out."""
+    """Measure speeds in one run: their ratios do not depend on the computer's speed."""
 
     report: Report = ReportOptions()
 

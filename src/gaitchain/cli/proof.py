@@ -9,7 +9,8 @@ from typing import Any
 from gaitchain.build.journal import Journal
 from gaitchain.build.push import impulse_unit_ns
 from gaitchain.cli.cluster import journaled_crew
-from gaitchain.cli.console import make_folder, print_table, say
+from gaitchain.cli.console import print_table, say
+from gaitchain.cli.files import make_folder
 from gaitchain.cli.options import Qualify
 from gaitchain.cli.tried import as_kept, tried
 from gaitchain.errors import LibraryError

@@ -15,7 +15,8 @@ from gaitchain.build.push import (
     run_pushes,
     size_of,
 )
-from gaitchain.cli.console import check_picture, print_table, say, watched
+from gaitchain.cli.console import print_table, say, watched
+from gaitchain.cli.files import check_picture
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Push
 from gaitchain.cli.world_options import (
@@ -30,6 +31,7 @@ from gaitchain.figures.robustness import plot_pushes
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import Command
 from gaitchain.sim.bodies import ANY_BODY, body_names
+from gaitchain.sim.push import Push as SimulatedPush
 from gaitchain.walker.walker import Walker
 
 
@@ -86,7 +88,7 @@ def _figures(
         "mass_kg": mass,
         "com_height_m": height,
         "vx_mps": options.vx,
-        "duration_s": 0.1,
+        "duration_s": SimulatedPush.duration_s,
         "body": options.body,
         "runs": options.runs,
         "seed": options.seed,
@@ -128,7 +130,7 @@ def _show(figures: dict[str, Any], results: Sequence[PushResult]) -> None:
         )
         for r in results
     ]
-    on = f"pushed for 0.1 s on {figures['body']}"
+    on = f"pushed for {SimulatedPush.duration_s:g} s on {figures['body']}"
     title = f"{figures['robot']} {on}, {_walk(figures)}"
     heads = (
         "direction [deg]",

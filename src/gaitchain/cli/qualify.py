@@ -13,15 +13,8 @@ from gaitchain.build.journal import Journal
 from gaitchain.build.qualify import default_grid, qualify_grid
 from gaitchain.build.workers import Crew, available_cores
 from gaitchain.cli.cluster import check_address, on_backend
-from gaitchain.cli.console import (
-    check_files,
-    check_picture,
-    check_replaced,
-    print_table,
-    progress,
-    resumable,
-    say,
-)
+from gaitchain.cli.console import print_table, progress, resumable, say
+from gaitchain.cli.files import check_files, check_picture, check_replaced
 from gaitchain.cli.libraries import find_library, shipped_library
 from gaitchain.cli.mixtures import refuse
 from gaitchain.cli.options import Qualify

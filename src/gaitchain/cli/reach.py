@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from gaitchain.cli.console import print_table, say
-from gaitchain.gait.command_range import AXES, SHARED, CommandRange
+from gaitchain.gait.command_range import AXES, SHARED, CommandRange, inward
 from gaitchain.messages import Command
 
 _WAYS = (
@@ -64,4 +64,4 @@ def _facts(beside: Command, left: CommandRange) -> dict[str, Any]:
 
 def _down(value: float) -> float:
     """Round towards 0 to 0.001, so that the number is a valid command."""
-    return math.trunc(1000.0 * value + math.copysign(1e-6, value)) / 1000.0 + 0.0
+    return math.copysign(inward(abs(value)), value) + 0.0  # no -0

@@ -3,7 +3,8 @@
 import tempfile
 from pathlib import Path
 
-from gaitchain.cli.console import file_of, say
+from gaitchain.cli.console import say
+from gaitchain.cli.files import file_of
 from gaitchain.cli.libraries import given_robot
 from gaitchain.cli.options import Replay
 from gaitchain.errors import CommandError, temporary_folder

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from gaitchain.backends.ros import check_link
-from gaitchain.cli.console import check_writable, file_of, make_folder, say
+from gaitchain.cli.console import say
+from gaitchain.cli.files import check_writable, file_of, make_folder
 from gaitchain.cli.libraries import find_library
 from gaitchain.cli.mixtures import refuse
 from gaitchain.cli.options import Serve

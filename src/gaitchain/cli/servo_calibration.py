@@ -7,8 +7,8 @@ from gaitchain.backends.dynamixel import (
     load_calibration,
     plain_calibration,
 )
-from gaitchain.errors import CommandError
 from gaitchain.robot.robot import Robot
+from gaitchain.service.robots import uncalibrated
 
 EMULATED = "emulated"
 """What `--port` says for emulated servos."""
@@ -33,7 +33,4 @@ def calibration_of(
         return load_calibration(file, robot)
     if port == EMULATED:
         return plain_calibration(robot)
-    raise CommandError(
-        f"{what}: servos need a calibration: `gaitchain calibrate LIBRARY --port "
-        f"{port} -o robot.toml`, then --calibration robot.toml"
-    )
+    raise uncalibrated(what, port)

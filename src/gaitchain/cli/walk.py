@@ -21,16 +21,10 @@ from gaitchain.analysis.walk_metrics import (
 )
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.build.progress import Progress
-from gaitchain.cli.build import cached_library
-from gaitchain.cli.console import (
-    check_writable,
-    make_folder,
-    print_table,
-    progress,
-    say,
-    write_json,
-)
+from gaitchain.cli.console import print_table, progress, say, write_json
+from gaitchain.cli.files import check_writable, make_folder
 from gaitchain.cli.libraries import given_robot, read_library
+from gaitchain.cli.library_cache import cached_library
 from gaitchain.cli.options import Walk
 from gaitchain.cli.waypoints import (
     given_commands,
@@ -286,15 +280,15 @@ def _three(command: Command) -> str:
 
 
 def _draw(
-    library: GaitLibrary, walked: _Walked, world: World, out: Path, progress: Progress
+    library: GaitLibrary, walked: _Walked, world: World, out: Path, tell: Progress
 ) -> None:
     """Write the record, the overview and the replay of a walk."""
-    progress("drawing", 0, 2)
+    tell("drawing", 0, 2)
     save_record(walked.record, out / RECORD)
     plot_walk(walked.record, library.robot, walked.schedule, out / "walk.png")
-    progress("drawing", 1, 2)
+    tell("drawing", 1, 2)
     _write_replay(library, walked.record, world, out / "walk.html")
-    progress("drawing", 2, 2)
+    tell("drawing", 2, 2)
 
 
 def _write_replay(

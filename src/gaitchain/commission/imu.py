@@ -1,6 +1,7 @@
 """Whether gyro and accelerometer are mounted as the calibration says."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from gaitchain.live.clock import Pacer
 from gaitchain.messages import GRAVITY, Array
 from gaitchain.walker.upright import MOST_TILT_DEG, nearest_axis, tilt_deg
 
-READS = 25
+_READS = 25
 _LEAST_READS = 5  # that tell a stuck IMU
 _OFF = 1.0  # m/s^2; a robot held by hand sways a little
 _MOST_RATE = 5.0  # deg/s; larger than the bias of a gyro
@@ -23,7 +24,10 @@ _GYRO_TODO = "correct imu.gyro_scale and its sign, or its address and format"
 _AXES_TODO = (
     "correct imu.axes in the calibration: the IMU's axes ahead, to the left, and up"
 )
-_CABLE_TODO = "check its cable, id and format"
+_SILENT = Fault(
+    "the IMU does not answer, or with what are no numbers",
+    "check its cable, id and format",
+)
 _STUCK_TODO = (
     "switch the IMU's supply off and on; look whether its program measures, and "
     "whether imu.gyro and imu.accelerometer are the addresses of what it measures"
@@ -37,10 +41,10 @@ def check_imu(bench: Bench) -> Verdict:
         return Verdict("skipped", said, "add a table [imu], or serve with --open-loop")
     with bench.robot() as backend:
         bench.person.ready("Hold the trunk upright and still, torque is off")
-        came = felt(bench, backend)
-        rate, up = _mean(came)
+        came = _felt(bench, backend)
+        rate, up = mean_of(came)
         figures: dict[str, object] = {"upright_m_s2": up.tolist()}
-        wrong = _upright(came)
+        wrong = faults_at_rest(came)
         if not wrong and bench.person.present:
             wrong = _tip(bench, backend, rate, up, figures)
     if wrong:
@@ -53,11 +57,44 @@ def check_imu(bench: Bench) -> Verdict:
     return Verdict("go", said, measured=figures)
 
 
-def _upright(came: Array) -> list[Fault]:
-    """Judge rates [rad/s] and accelerations [m/s^2] (N, 2, 3), upright and still."""
+def samples(
+    read: Callable[[], tuple[Array, Array]],
+    wait: Callable[[], object],
+    silent: Callable[[], bool] = lambda: False,
+) -> Array:
+    """Return rates [rad/s] and accelerations [m/s^2] that came, (N, 2, 3).
+
+    Args:
+        read: the IMU once; NaN where nothing came.
+        wait: for the next read.
+        silent: whether nothing more is expected, asked where nothing came.
+    """
+    came = []
+    for _ in range(_READS):
+        wait()
+        both = np.array(read())
+        if np.isfinite(both).all():
+            came.append(both)
+        elif silent():
+            break
+    return np.reshape(came, (-1, 2, 3))
+
+
+def mean_of(came: Array) -> tuple[Array, Array]:
+    """Return mean rate (3,) and acceleration (3,) of (N, 2, 3); NaN without any."""
+    rate, up = np.mean(came, axis=0) if len(came) else np.full((2, 3), np.nan)
+    return rate, up
+
+
+def faults_at_rest(came: Array) -> list[Fault]:
+    """Describe what is wrong with an IMU that is upright and still.
+
+    Args:
+        came: (N, 2, 3) by `samples`.
+    """
     if not len(came):
-        return [Fault("the IMU does not answer", _CABLE_TODO)]
-    return stuck(came) + implausible(*_mean(came))
+        return [_SILENT]
+    return _stuck(came) + _implausible(*mean_of(came))
 
 
 def _tip(
@@ -77,7 +114,7 @@ def _tip(
         turn = _Turn(bench, backend, bias)
         tip = f"Tip the trunk {how} by 20 deg and hold it there"
         bench.person.ready(tip, turn.look)
-        _, pull = _mean(felt(bench, backend))
+        _, pull = mean_of(_felt(bench, backend))
         figures[f"tipped {how} m_s2"] = pull.tolist()
         wrong = _tipped(how, axis, sign, pull)
         wrong = wrong or _turned(how, before, pull, turn.angle)
@@ -106,25 +143,17 @@ class _Turn:
             self._at_s, self._rate = now_s, rate
 
 
-def felt(bench: Bench, backend: Backend) -> Array:
-    """Return rates [rad/s] and accelerations [m/s^2] that came, (N, 2, 3)."""
-    pacer, came = Pacer(bench.clock, bench.period_s), []
-    for _ in range(READS):
-        pacer.wait()
+def _felt(bench: Bench, backend: Backend) -> Array:
+    """Return the samples of a control period each."""
+
+    def read() -> tuple[Array, Array]:
         seen = backend.read()
-        both = np.array([seen.angular_velocity, seen.acceleration])
-        if np.isfinite(both).all():
-            came.append(both)
-    return np.reshape(came, (-1, 2, 3))
+        return seen.angular_velocity, seen.acceleration
+
+    return samples(read, Pacer(bench.clock, bench.period_s).wait)
 
 
-def _mean(came: Array) -> tuple[Array, Array]:
-    """Return mean rate (3,) and acceleration (3,) of (N, 2, 3); NaN without any."""
-    rate, up = np.mean(came, axis=0) if len(came) else np.full((2, 3), np.nan)
-    return rate, up
-
-
-def stuck(came: Array) -> list[Fault]:
+def _stuck(came: Array) -> list[Fault]:
     """Describe an IMU that says the same in each of (N, 2, 3); one at rest has noise.
 
     Few answers tell nothing of that.
@@ -135,7 +164,7 @@ def stuck(came: Array) -> list[Fault]:
     return [Fault(said, _STUCK_TODO)]
 
 
-def implausible(turning: Array, pulling: Array) -> list[Fault]:
+def _implausible(turning: Array, pulling: Array) -> list[Fault]:
     """Describe signals that are impossible at rest and upright, and what to check.
 
     Args:
@@ -177,7 +206,7 @@ def _tipped(how: str, axis: int, sign: int, pulling: Array) -> list[Fault]:
     flat = np.array([pulling[0], pulling[1], 0.0])
     wanted = f"{'-' if sign < 0 else '+'}{_AXES[axis]}"
     if not np.isfinite(pulling).all():
-        return [Fault("the IMU does not answer", _CABLE_TODO)]
+        return [_SILENT]
     if tilt_deg(pulling) < _LEAST_TIP_DEG:
         said = f"tipped {how}, it shows {tilt_deg(pulling):.0f} deg"
         least = f"tip it by {_LEAST_TIP_DEG:g} deg at least"

@@ -14,6 +14,7 @@ from gaitchain.live.exercise import sway
 from gaitchain.live.joint_mover import JointMover
 from gaitchain.live.loop import ControlLoop
 from gaitchain.live.messages import Mode, Request, Telemetry
+from gaitchain.live.modes import BALANCED
 from gaitchain.live.safe_backend import SafeBackend
 from gaitchain.messages import Array, Command
 from gaitchain.walker.walker import Walker
@@ -29,29 +30,52 @@ _IDLE_TICKS = 10  # while a person is asked, who is heard in between
 _PARTING = "Hold the robot: the torque goes off"
 
 
+class MeanTrackingError:
+    """How far joints are from their targets, on average over a second or so."""
+
+    def __init__(self, period_s: float) -> None:
+        """Begin at zero: what has just begun to move has not stayed behind.
+
+        Args:
+            period_s: between two errors [s].
+        """
+        self._part = min(period_s / _SETTLED_S, 1.0)  # a new value's
+        self._mean: Array = np.zeros(1)
+
+    def add(self, error: Array) -> None:
+        """Take the next errors of all joints, NaN where not measured [rad]."""
+        self._mean = self._mean + self._part * (np.nan_to_num(error) - self._mean)
+
+    @property
+    def worst_deg(self) -> float:
+        """That of the joint which is farthest from its target now [deg]."""
+        return float(np.degrees(np.abs(self._mean).max()))
+
+    @property
+    def worst_joint(self) -> int:
+        """Index of that joint."""
+        return int(np.abs(self._mean).argmax())
+
+
 @dataclass
 class _Watch:
     """The loop's port: asks, and remembers what was told."""
 
     screen: Screen
-    period_s: float
+    error: MeanTrackingError
     pending: list[Request] = field(default_factory=list)
     latest: Telemetry | None = None
     off_deg: float = 0.0
-    """Largest mean distance of a joint from its target, over a second or so [deg]."""
-    _mean: Array | None = None
+    """Largest mean distance of a joint from its target so far [deg]."""
 
     def publish(self, telemetry: Telemetry) -> None:
         """Remember how far the joints are from their targets."""
         self.latest = telemetry
         self.screen.show(np.asarray(telemetry.joint_target))
-        if telemetry.mode not in (Mode.STANDING, Mode.WALKING):
+        if telemetry.mode not in BALANCED:
             return
-        off = np.subtract(telemetry.joint_position, telemetry.joint_target)
-        off = np.degrees(np.nan_to_num(off))
-        mean = off if self._mean is None else self._mean
-        self._mean = mean + _part(self.period_s) * (off - mean)
-        self.off_deg = max(self.off_deg, float(np.abs(self._mean).max()))
+        self.error.add(np.subtract(telemetry.joint_position, telemetry.joint_target))
+        self.off_deg = max(self.off_deg, self.error.worst_deg)
 
     def requests(self) -> list[Request]:
         """Return what is asked now."""
@@ -63,7 +87,8 @@ class _Drive:
     """One robot under the control loop."""
 
     def __init__(self, bench: Bench, backend: SafeBackend, *, feedback: bool) -> None:
-        self._bench, self.watch = bench, _Watch(bench.screen, bench.period_s)
+        error = MeanTrackingError(bench.period_s)
+        self._bench, self.watch = bench, _Watch(bench.screen, error)
         library = bench.library
         walker = Walker(library, feedback=feedback, period_s=bench.period_s)
         self._loop = ControlLoop(
@@ -190,16 +215,14 @@ def _shift(bench: Bench, mover: JointMover, targets: Array) -> None:
     Raises:
         BackendError: a joint does not follow.
     """
-    off = np.zeros(_joints(bench))
+    off = MeanTrackingError(bench.period_s)
     for i, wanted in enumerate(targets):
         bench.progress("shifts its weight", i + 1, len(targets))
         sent = mover.send(wanted)
-        error = mover.seen[-1].joint_position - sent
-        off += _part(bench.period_s) * (np.nan_to_num(error) - off)
-        worst = float(np.degrees(np.abs(off)).max())
-        if worst > _MOST_OFF_DEG:
-            name = bench.library.robot.legs.joint_names[np.abs(off).argmax()]
-            raise BackendError(f"{name} stays {worst:.0f} deg from its target")
+        off.add(mover.seen[-1].joint_position - sent)
+        if off.worst_deg > _MOST_OFF_DEG:
+            name = bench.library.robot.legs.joint_names[off.worst_joint]
+            raise BackendError(f"{name} stays {off.worst_deg:.0f} deg from its target")
 
 
 def check_steps(bench: Bench) -> Verdict:
@@ -247,11 +270,6 @@ def _judged(bench: Bench, drive: _Drive, stage: str, said: str) -> Verdict:
         todo = f"find what shakes, and mend it; then begin again with --from {stage}"
         return Verdict("no-go", f"{said}; but it was not calm", todo, figures)
     return Verdict("go", said, measured=figures)
-
-
-def _part(period_s: float) -> float:
-    """Return what a new value counts in a mean over `_SETTLED_S`."""
-    return min(period_s / _SETTLED_S, 1.0)
 
 
 def _felt(bench: Bench) -> bool:

@@ -12,6 +12,8 @@ from gaitchain.messages import Array
 Row = tuple[str, str, str]
 """What was found, the finding, the evidence for it."""
 Rows = list[Row]
+FEWEST_LEG_JOINTS, MOST_LEG_JOINTS = 5, 7
+"""Driven joints of a leg that walking can use."""
 LEG_GAINS = "leg gains"
 """What a row is about that says why the file's gains of leg servos are not believed."""
 
@@ -53,7 +55,7 @@ class FoundLeg:
     """A leg: its joints from hip to ankle, its knee and its sole."""
 
     joints: tuple[str, ...]
-    """Hinges with an actuator (or to be given one), hip to ankle; 5, 6 or 7."""
+    """Hinges with an actuator (or to be given one), hip to ankle."""
     knee: int
     """Index of the knee in `joints`."""
     knee_bends: float

@@ -1,5 +1,6 @@
 """A leg's joints, knee, ankle and foot, and which way the robot faces by them."""
 
+import math
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -8,7 +9,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gaitchain.discover.findings import Rows, UnfitError
+from gaitchain.discover.findings import (
+    FEWEST_LEG_JOINTS,
+    MOST_LEG_JOINTS,
+    Rows,
+    UnfitError,
+)
 from gaitchain.discover.limbs import DOWN, Limb, bodies_of, refuse_slides
 from gaitchain.discover.notes import listed
 from gaitchain.discover.pinned_robot import PinnedRobot
@@ -17,12 +23,12 @@ from gaitchain.discover.shapes import VISUAL, ground_geoms, shapes_of
 from gaitchain.discover.tendons import pulled_over_tendons
 from gaitchain.messages import Array
 
-_FEWEST, _MOST = 5, 7  # joints of a leg that walking can use
 _TOE_BAND = 0.015  # of the leg: toes and foot whose lowest points differ less are level
 _ONE_SIDED = 2.0  # a knee's range to one side against the other
 _UNDECIDED = 0.3  # votes for ahead against back
 _SILENT = 0.2  # votes of forefeet and knees that say nothing
 _FRONT = 0.7  # cosine between a profile's front and ahead or back, at least
+_MEANT = math.cos(math.radians(2.0))  # so near to an axis of the base, it is that
 _APART = 1e-3  # m: legs less far apart are in one plane
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")  # of snake_case and CamelCase
 _SIDES = ((1.0, ("l", "left")), (-1.0, ("r", "right")))
@@ -30,7 +36,7 @@ PITCH = 0.7
 """Cosine between a pitch joint's axis and the way across, at least."""
 YAW = 0.6
 """Cosine between the vertical and the axis of a joint that turns the robot, at least:
-that of some hips lies half way between yaw and pitch."""
+that of some hips lies half way between yaw and pitch. Such a one bears load, too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,12 +88,14 @@ def leg_parts(
 def _check_count(
     robot: PinnedRobot, joints: tuple[int, ...], idle: tuple[int, ...]
 ) -> None:
-    if not _FEWEST <= len(joints) <= _MOST:
+    if not FEWEST_LEG_JOINTS <= len(joints) <= MOST_LEG_JOINTS:
         names = ", ".join(robot.joint_name(j) for j in joints)
+        enough = len(joints) + len(idle) >= FEWEST_LEG_JOINTS
         raise UnfitError(
             f"a leg has {len(joints)} driven joints ({names}); walking needs "
-            f"{_FEWEST} to {_MOST}, ankle pitch among them{_reasons(robot, idle)}",
-            "legs.left and legs.right" if len(joints) + len(idle) >= _FEWEST else None,
+            f"{FEWEST_LEG_JOINTS} to {MOST_LEG_JOINTS}, ankle pitch among them"
+            f"{_reasons(robot, idle)}",
+            "legs.left and legs.right" if enough else None,
         )
 
 
@@ -197,7 +205,7 @@ def _has_toes(
     Toes that nothing drives may hinge any way, and those that touch nothing may have no
     shape at all; the link before them touches the ground.
     """
-    if len(own) <= _FEWEST or limb.links[-2] == robot.base:
+    if len(own) <= FEWEST_LEG_JOINTS or limb.links[-2] == robot.base:
         return False
     robot.place(robot.neutral)
     across = abs(robot.axis(own[-1]) @ left) >= PITCH
@@ -298,7 +306,7 @@ def face_forward(
     nearest = np.zeros(3)
     largest = int(np.argmax(np.abs(forward)))
     nearest[largest] = np.sign(forward[largest])
-    if forward @ nearest > 0.9994 and answers.forward is None:  # 2 deg
+    if forward @ nearest > _MEANT and answers.forward is None:
         forward = nearest
     faced = PinnedRobot(robot.model, robot.base, robot.up, forward)
     rows.append(("forward", f"{_shown(faced.forward)} in the base's frame", why))

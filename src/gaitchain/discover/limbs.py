@@ -12,7 +12,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from gaitchain.discover.findings import UnfitError
+from gaitchain.discover.findings import (
+    FEWEST_LEG_JOINTS,
+    MOST_LEG_JOINTS,
+    UnfitError,
+)
 from gaitchain.discover.pinned_robot import HINGE, PinnedRobot
 from gaitchain.discover.shapes import Shape, ground_geoms, lowest, shapes_of
 from gaitchain.messages import Array
@@ -313,7 +317,10 @@ def _unpaired(robot: PinnedRobot, limbs: list[Limb], ground: float) -> UnfitErro
             f"the limb that reaches lowest ends in {_end(robot, long[0])} and has no "
             f"mirror image{_nearest(robot, long)}"
         )
-    reason += "; legs are two mirrored limbs with 5 to 7 hinges each"
+    reason += (
+        "; legs are two mirrored limbs with "
+        f"{FEWEST_LEG_JOINTS} to {MOST_LEG_JOINTS} hinges each"
+    )
     return UnfitError(reason, _LEGS_OR_UP)
 
 

@@ -29,6 +29,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from gaitchain.discover.findings import FEWEST_LEG_JOINTS, MOST_LEG_JOINTS
 from gaitchain.errors import RobotFileError
 from gaitchain.robot.whole_file import read_file
 
@@ -205,10 +206,11 @@ class _Entry:
                 "expected a list of joint names, hip to ankle, or the name of the "
                 "foot's body"
             )
-        if not 5 <= len(set(names)) == len(names) <= 7:
+        count = len(names)
+        if not FEWEST_LEG_JOINTS <= len(set(names)) == count <= MOST_LEG_JOINTS:
             raise RobotFileError(
-                f"{self.origin}: {self.path}: {len(names)} joints; expected 5, 6 or 7, "
-                "each once"
+                f"{self.origin}: {self.path}: {count} joints; expected "
+                f"{FEWEST_LEG_JOINTS} to {MOST_LEG_JOINTS}, each once"
             )
         return tuple(names)
 

@@ -25,6 +25,8 @@ from gaitchain.robot.holding import LEAST, holding_stiffness
 
 _WEAKEST, _STIFFEST = 1.0, 100.0  # stiffness of a leg's servos that is believed, m g h
 _LEG, _YAW = 4.0, 2.0  # derived stiffness of a leg's joints, m g h
+# Cosine, above `legs.YAW`: hip rolls of T1 and G1 stand at 0.61 and bear load.
+_UPRIGHT = 0.7
 _LEG_TORQUE = 0.8  # derived limit, m g h
 _STRONGEST = 50.0  # limit of a leg's motors that is believed, m g h
 _HELD_TORQUE = 4.0  # limit of other joints, by their load
@@ -211,7 +213,7 @@ def _judge(
     weight: float,
 ) -> tuple[bool, Rows]:
     """Decide whether the legs' gains are meant to carry the robot."""
-    bearing = [j for j in legs if abs(robot.axis(j)[2]) < 0.7]
+    bearing = [j for j in legs if not _is_upright(robot, j)]
     gains = {j: read[j].stiffness for j in bearing if read[j].source == "position"}
     if not gains:
         return False, []
@@ -226,6 +228,11 @@ def _judge(
             limits = f"{_WEAKEST:g} to {_STIFFEST:g} m g h, {weight:.4g} N m"
             return False, [(LEG_GAINS, "not believed", f"{found}; allowed {limits}")]
     return True, []
+
+
+def _is_upright(robot: PinnedRobot, joint: int) -> bool:
+    """Whether a leg's joint bears little of the weight, as its axis is upright."""
+    return bool(abs(robot.axis(joint)[2]) > _UPRIGHT)
 
 
 def _passive(robot: PinnedRobot, joint: int, read: FoundServo) -> FoundServo:
@@ -252,8 +259,7 @@ def _leg_servo(
         limit = _LEG_TORQUE * weight
     if own:
         return replace(read, torque_limit=limit, source="actuator")
-    yaw = abs(robot.axis(joint)[2]) > 0.7
-    stiffness = (_YAW if yaw else _LEG) * weight
+    stiffness = (_YAW if _is_upright(robot, joint) else _LEG) * weight
     return _derived(robot, joint, read, (stiffness, limit), scale.height)
 
 

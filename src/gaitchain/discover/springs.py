@@ -8,7 +8,7 @@ from gaitchain.discover.findings import FoundServo, Rows, UnfitError
 from gaitchain.discover.pinned_robot import PinnedRobot
 from gaitchain.messages import Array
 
-_LEAST, _MOST = 0.01, 0.5  # of a servo's torque limit: told from, borne up to
+_LEAST, _MOST = 0.01, 0.5  # of a servo's torque limit: least reported, most accepted
 
 
 def spring_rows(

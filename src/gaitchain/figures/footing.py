@@ -8,7 +8,7 @@ import numpy as np
 
 from gaitchain.analysis.record import WalkRecord, support_stays
 from gaitchain.analysis.walk_metrics import zmp_margins
-from gaitchain.figures.steps import WalkedStep, outline, step_plan, to_world, two_cycles
+from gaitchain.figures.steps import WalkedStep, outline, step_plan, two_cycles
 from gaitchain.figures.style import (
     FEET,
     PLANNED,
@@ -20,6 +20,7 @@ from gaitchain.figures.style import (
     write_json,
 )
 from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.zmp import to_world
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
 
@@ -150,7 +151,8 @@ def _draw_footprints(
         axes.text(place[0], place[1], name, fontsize=7.5, ha="center", va="center")
     last = steps[-1]
     row = min(last.rows.stop, len(record.time_s) - 1)
-    draw_sole(axes, robot, record.feet[row, 1 - last.support_foot], last.left_support)
+    other = 1 - last.support_foot
+    draw_sole(axes, robot, record.feet[row, other], other)
 
 
 def _draw_coordinate(

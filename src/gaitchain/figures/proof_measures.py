@@ -18,6 +18,7 @@ from gaitchain.gait.qualification import CellReport, GridReport
 from gaitchain.proof.falls import FallsReport
 from gaitchain.proof.measures import Measures
 from gaitchain.proof.push_limit import Impulse, PushLimit
+from gaitchain.sim.push import Push
 from gaitchain.sim.world import DISTURBANCES
 
 
@@ -112,8 +113,9 @@ def pushes_section(
     add(
         body,
         "p",
-        f"One push of 0.1 s on the trunk while it walks {measures.speed_mps:.2f} m/s "
-        "ahead, at a random moment of the step, in a world drawn for each walk: "
+        f"One push of {Push.duration_s:g} s on the trunk while it walks "
+        f"{measures.speed_mps:.2f} m/s ahead, at a random moment of the step, in a "
+        "world drawn for each walk: "
         f"{_drawn(library)}, all of it at once. J50 is the impulse after which half of "
         "the walks fall, J5 that after which one in twenty does; in brackets 95 % "
         "intervals. The impulses that fell each walk are taken for log-normal, which "

@@ -14,6 +14,7 @@ from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.proof.fall_rate import walk_length
 from gaitchain.proof.proof_walks import mild_cells
 from gaitchain.proof.tally import kind_label
+from gaitchain.sim.push import Push
 from gaitchain.sim.world import DISTURBANCES, World
 from gaitchain.sim.world_draws import NOISE_SD
 
@@ -66,8 +67,8 @@ _MEANT = {
         "m/s^2 for the accelerometer; and a small bias of the gyro."
     ).format(*NOISE_SD),
     "push": (
-        "Pushes of 0.1 s on the trunk, level, from random sides, about every 2 s, or "
-        "two steps if these take longer; each of this impulse."
+        f"Pushes of {Push.duration_s:g} s on the trunk, level, from random sides, "
+        "about every 2 s, or two steps if these take longer; each of this impulse."
     ),
     "no_load": (
         "Speed at which servos have no torque left, over their speed limit; in other "
@@ -106,7 +107,8 @@ _NOT_TESTED = (
     "such as one that fails.",
     "What a fall breaks, and whom it hurts: only its energy is measured, of a robot of "
     "boxes that are hard and do not break, falling on an empty floor.",
-    "What a push on anything else than the trunk does, and one longer than 0.1 s.",
+    "What a push on anything else than the trunk does, and one longer than "
+    f"{Push.duration_s:g} s.",
     "Any one world: the verdict is of walks in all worlds, mixed in equal parts, and "
     "in one of them the robot may fall more often. What is known of that world alone "
     "is in its row of the table. The same holds for the steps of the chain.",

@@ -101,27 +101,6 @@ def step_plan(
     return full, interpolated_zmp(timing, key_zmp, time_s)
 
 
-def to_world(points: Array, feet: Array, left_support: bool) -> Array:
-    """Transform points from the support-foot frame to the world.
-
-    Args:
-        points: (..., 2) points, left leg as support [m].
-        feet: (..., 3) pose of the support foot in the world: x, y [m], yaw [rad].
-        left_support: whether the left leg is the support leg; False mirrors y.
-
-    Returns:
-        (..., 2) points in the world [m].
-    """
-    x, y = points[..., 0], points[..., 1] * (1.0 if left_support else -1.0)
-    cos, sin = np.cos(feet[..., 2]), np.sin(feet[..., 2])
-    return np.asarray(
-        np.stack(
-            [feet[..., 0] + cos * x - sin * y, feet[..., 1] + sin * x + cos * y],
-            axis=-1,
-        )
-    )
-
-
 def outline(robot: Robot, foot: Array) -> Array:
     """Return the closed outline of a foot's sole in the world, (5, 2) [m].
 

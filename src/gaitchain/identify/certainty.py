@@ -18,7 +18,7 @@ ALIKE = 0.01
 """Numbers that differ by less in a round's replays share their slope."""
 
 
-def information(moved: Array, rows: Array) -> Array:
+def fisher_information(moved: Array, rows: Array) -> Array:
     """Return J^T J of (1), (P, P), which may have negative directions by chance.
 
     Args:
@@ -41,13 +41,13 @@ def information(moved: Array, rows: Array) -> Array:
     return np.asarray(slopes @ slopes.T - noise)
 
 
-def known(covariance: Array, told: Array) -> Array:
+def posterior_covariance(covariance: Array, told: Array) -> Array:
     """Return the covariance of what was believed, and of what rows tell.
 
     Args:
         covariance: (P, P) before.
-        told: (P, P) by `information`; directions that are told less than nothing are
-            as before.
+        told: (P, P) by `fisher_information`; directions that are told less than nothing
+            are as before.
     """
     factor = np.linalg.cholesky(covariance)
     gained, directions = np.linalg.eigh(factor.T @ told @ factor)

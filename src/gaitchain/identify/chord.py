@@ -29,7 +29,7 @@ Missed = Callable[[Array], Array]
 """From (M, P) numbers to (M, N, S) residuals: N rows of S sensors."""
 
 
-class Prior(NamedTuple):
+class GaussianPrior(NamedTuple):
     """What is believed of the numbers beside the residuals."""
 
     mean: Array
@@ -66,7 +66,7 @@ def slopes(ahead: Array, behind: Array, missed: Missed) -> Array:
 def follow(
     start: Array,
     slope: Array,
-    prior: Prior,
+    prior: GaussianPrior,
     missed: Missed,
     weights: Callable[[Array], Array],
 ) -> Array:
@@ -95,7 +95,7 @@ def follow(
     return found
 
 
-def _step(found: Array, rows: Array, slope: Array, prior: Prior) -> Array:
+def _step(found: Array, rows: Array, slope: Array, prior: GaussianPrior) -> Array:
     """Return a whole step of (1) for weighted residuals (N, S) and slopes (N, S, P)."""
     flat = slope.reshape(-1, len(found))
     back = flat.T @ rows.ravel() + prior.precision @ (found - prior.mean)

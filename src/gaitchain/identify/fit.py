@@ -147,7 +147,7 @@ def _fit_motions(
         found = Belief(*run_once("fit", work, tuple[Array, Array]))
         leans.append(parameters.read(found.mean)[1])
         if motion.support == "held":
-            found = _but(parameters.of(*OF_ZEROS), belief, found)
+            found = _but(parameters.places(*OF_ZEROS), belief, found)
         belief = found
     progress(_STAGE, ends[-1], ends[-1])
     return belief, leans
@@ -182,7 +182,7 @@ def _unfelt(parameters: Parameters, parts: Sequence[MotionLog]) -> list[int]:
         unseen += OF_IMU
     if all(part.motion.support == "held" for part in parts):
         unseen += OF_STAND
-    return parameters.of(*unseen)
+    return parameters.places(*unseen)
 
 
 def _idle(parameters: Parameters, legs: LegModel) -> list[int]:

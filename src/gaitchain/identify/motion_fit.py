@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from gaitchain.build.jobs import arrivals
 from gaitchain.errors import LogError
-from gaitchain.identify.certainty import ALIKE, information, known
-from gaitchain.identify.chord import Prior, follow, slopes
+from gaitchain.identify.certainty import ALIKE, fisher_information, posterior_covariance
+from gaitchain.identify.chord import GaussianPrior, follow, slopes
 from gaitchain.identify.joint_search import Group, JointSearch
 from gaitchain.identify.log import Measured, MotionLog
 from gaitchain.identify.parameters import OF_JOINTS, OF_SERVOS, Parameters
@@ -144,7 +144,7 @@ class MotionFit:
             found = self.improve(found, belief, _ANY, rng)
         least, most = self._parameters.least, self._parameters.most
         precision = np.asarray(np.linalg.inv(belief.covariance))
-        prior = Prior(belief.mean, precision, least, most)
+        prior = GaussianPrior(belief.mean, precision, least, most)
         for _ in range(SMOOTH):
             begin()
             slope = self._smooth_slopes(found, belief)
@@ -255,8 +255,10 @@ class MotionFit:
         told = np.zeros_like(belief.covariance)
         for sensors, numbers in self._effects():
             seen = apart[:, :, sensors].reshape(len(apart), -1)
-            told[np.ix_(numbers, numbers)] += information(moved[:, numbers], seen)
-        return known(belief.covariance, told)
+            told[np.ix_(numbers, numbers)] += fisher_information(
+                moved[:, numbers], seen
+            )
+        return posterior_covariance(belief.covariance, told)
 
     def _stood(self, replays: Sequence[Measured]) -> NDArray[np.bool_]:
         """Return which replays stayed on their feet."""

@@ -112,13 +112,9 @@ class Parameters:
         kinds = [(p.name, 0 if p.prior.alike else i) for i, p in enumerate(self.all)]
         self._kind = np.array([kinds.index(kind) for kind in kinds])
 
-    def places(self, name: str) -> list[int]:
-        """Return where the numbers of that name are in the vector."""
-        return [i for i, p in enumerate(self.all) if p.name == name]
-
-    def of(self, *names: str) -> list[int]:
-        """Return where the numbers of those names are in the vector."""
-        return [place for name in names for place in self.places(name)]
+    def places(self, *names: str) -> list[int]:
+        """Return where the numbers of those names are in the vector, name by name."""
+        return [i for n in names for i, p in enumerate(self.all) if p.name == n]
 
     def own(self, joint: int) -> list[int]:
         """Return where a joint's own numbers are in the vector."""
@@ -168,7 +164,7 @@ class Parameters:
 
     def without(self, vector: Array, *names: str) -> Array:
         """Return a vector in which the numbers of those names are the least."""
-        vector, own = vector.copy(), self.of(*names)
+        vector, own = vector.copy(), self.places(*names)
         vector[own] = self.least[own]
         return vector
 

@@ -15,9 +15,10 @@ from gaitchain.messages import GRAVITY, Array, Sensors
 from gaitchain.robot.leg_model import LegModel
 from gaitchain.walker.sensor_check import LIMITS, GyroCheck, below, mended
 
-_UNFELT_S = 1.0  # an accelerometer may take so long to make sense [s]
+_UNFELT_S = 1.0  # time for which no plausible gravity may be measured [s]
 _SETTLING_S = 0.5  # how fast the accelerometer corrects the gyro
-_SHAKEN = 3.0  # m/s^2: further from g the accelerometer says nothing of the vertical
+# Beyond this deviation from g the accelerometer is not used for the tilt [m/s^2].
+_SHAKEN = 3.0
 
 
 @dataclass(frozen=True)

@@ -170,7 +170,7 @@ class ModeMachine:
             return
         elif self.mode is Mode.GETTING_UP:
             self._get_up()
-        elif self.mode in (Mode.STANDING, Mode.WALKING):
+        elif self.mode in BALANCED:
             self._walk(sensors, now_s)
         elif trouble is None:
             self._move_on(now_s)
@@ -199,7 +199,7 @@ class ModeMachine:
     def _drive(self, wish: ask.Drive, now_s: float) -> None:
         numbers = astuple(wish.command)
         if not all(map(math.isfinite, numbers)):
-            self._events.add_refusal(f"{wish.driver} asked for {numbers}: refused")
+            self._refuse(wish, f"{numbers} are not all finite")
             return
         self.lease.drive(wish, now_s)
         if self.lease.bars(wish.driver):
@@ -291,28 +291,27 @@ class ModeMachine:
     def _push(self, wish: ask.PushRobot) -> None:
         simulator = self._backend.simulator
         if simulator is None:
-            self._events.add("push", "only a simulated robot can be pushed from here")
+            self._refuse(wish, "only a simulated robot can be pushed from here")
             return
         try:
             done = simulator.push(
                 wish.impulse_ns, wish.direction_deg, wish.elevation_deg, wish.body
             )
         except CommandError as error:
-            self._events.add("push", f"refused: {error}")
+            self._refuse(wish, str(error))
         else:
             self._events.add("push", str(done))
 
     def _disturb(self, wish: ask.Disturb) -> None:
         simulator = self._backend.simulator
         if simulator is None:
-            why = "only a simulated robot can be disturbed from here"
-            self._events.add("world", why)
+            self._refuse(wish, "only a simulated robot can be disturbed from here")
             return
         before = simulator.disturbances
         try:
             simulator.disturb(wish.changed(before))
         except CommandError as error:
-            self._events.add("world", f"refused: {error}")
+            self._refuse(wish, str(error))
         else:
             for what in simulator.disturbances.changes_from(before):
                 self._events.add("world", what)
@@ -371,7 +370,10 @@ class ModeMachine:
         self._enter(Mode.STOPPED, trouble.reason, trouble.kind)
 
     def _go_limp(self) -> None:
-        """Turn the torque off; who is up again goes nowhere before it is asked anew."""
+        """Turn the torque off and forget the commands.
+
+        After a new start the robot waits for one.
+        """
         self._backend.release()
         self._forget_commands()
 

@@ -6,9 +6,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from gaitchain.analysis.record_columns import columns
+from gaitchain.analysis.record_columns import columns_from_truth
 from gaitchain.analysis.recorder import truth_columns
-from gaitchain.gait.zmp import sole_corners, support_polygon
+from gaitchain.gait.zmp import planned_region
 from gaitchain.live.messages import Telemetry
 from gaitchain.live.shown_joints import shown_joints
 from gaitchain.messages import Array
@@ -18,7 +18,6 @@ from gaitchain.robot.turn import quaternion
 from gaitchain.walker.waypoints import Place
 
 Point = tuple[float, float]
-_SINGLE = {"ls": (0,), "rs": (1,)}  # feet on the ground by plan; else both
 _BASE = 7  # generalised positions of the trunk
 _RECENT_S = 0.5  # the truth of an earlier row still says where the feet are
 
@@ -35,7 +34,8 @@ class Scene(msgspec.Struct, frozen=True):
     zmp: Point
     """Measured [m]."""
     planned_zmp: Point
-    """Where the support foot is [m]."""
+    """Planned ZMP in the world, from the measured pose of the support foot [m]; NaN if
+    none is planned."""
     region: tuple[Point, ...]
     """Corners of the planned support region, counter-clockwise [m]."""
     goal: Place | None = None
@@ -68,7 +68,7 @@ class Stage:
         rows["time_s"] = np.array([telemetry.time_s])
         rows["planned_zmp"] = np.array([telemetry.planned_zmp])
         support = np.array([telemetry.support])
-        found = columns(self._robot, self._mass, rows, support)
+        found = columns_from_truth(self._robot, self._mass, rows, support)
         left, right = found["soles"][0]
         feet = found["feet"][0]
         return Scene(
@@ -118,10 +118,7 @@ class Stage:
     def _region(self, support: str, feet: Array) -> Any:
         if not np.isfinite(feet).all():
             return ()
-        on_ground = _SINGLE.get(support, (0, 1))
-        soles = [sole_corners(self._robot, feet[i][:2], feet[i][2]) for i in on_ground]
-        corners = soles[0] if len(soles) == 1 else support_polygon(soles)
-        return _nested(corners)
+        return _nested(planned_region(self._robot, feet, support))
 
 
 def _goal(telemetry: Telemetry, feet: Array) -> Place | None:

@@ -19,7 +19,7 @@ from gaitchain.walker.generator import Decision
 LONGEST_S = 60.0
 """So much before a fall is looked at [s]."""
 _FROM_OUTSIDE = ("push", "world")  # kinds of events that disturb the robot
-_LIMP = (Mode.OFF, Mode.STOPPED, Mode.GETTING_UP)  # no rule is for these
+_NOT_JUDGED = (Mode.OFF, Mode.STOPPED, Mode.GETTING_UP)
 _PLAIN = re.compile(r"\w+ to \w+")  # a change of mode without a reason, as to walk
 _OF_SWING = ("sway", "outward")
 _OF_MOVE = ("hip_x", "hip_height", "turn")
@@ -68,23 +68,23 @@ def before_fall(
 
 def record_of(
     robot: Robot,
-    telemetries: Iterable[Telemetry],
+    telemetries: Sequence[Telemetry],
     timing: Timing | None = None,
     since_s: float | None = None,
     gait: str = "",
 ) -> WalkRecord:
-    """Build a walk's record from the loop's telemetry, up to the last fall.
+    """Build a walk's record from the loop's telemetry, up to a fall in its last row.
 
-    It begins after the fall before that, and where the robot rose last: who was limp,
-    or was put back on its feet, was moved by others. Without a fall all since then is
-    in it up to where the robot went limp. What stopped and reset it is noted.
+    It begins where the robot rose last: who was limp, or was put back on its feet, was
+    moved by others. Without a fall all since then is in it up to where the robot went
+    limp. What stopped and reset it is noted.
     In simulation the rows with the simulator's truth count. Of a real robot all rows
     do, and what it did not measure is NaN; without the loads on its feet its support
     is "stand" throughout, so that no touch-down is judged.
 
     Args:
         robot: the robot.
-        telemetries: of the loop, in order.
+        telemetries: of the loop, as `before_fall` gives them.
         timing: planned times of a step.
         since_s: of the loop's clock, the record's 0; the first row's by default [s].
         gait: name of the gait's family.
@@ -96,9 +96,9 @@ def record_of(
         RecordError: there are fewer than two rows before the fall in which the robot
             had torque, they are of another robot, or their times do not rise.
     """
-    all_rows, fall = _up_to_fall(list(telemetries))
-    before = all_rows[: None if fall is None else -1]
-    rows = _upright([t for t in before if t.truth is not None] or before)
+    fall = next((t for t in telemetries[-1:] if t.fell), None)
+    before = telemetries[: None if fall is None else -1]
+    rows = _last_powered_run([t for t in before if t.truth is not None] or before)
     _check(robot, rows)
     zero_s = rows[0].time_s if since_s is None else since_s
     recorder = Recorder(robot, gait=gait)
@@ -108,7 +108,7 @@ def record_of(
         step_ticks=_step_ticks(rows),
         fell_at_s=None if fall is None else fall.time_s - zero_s,
         timing=timing,
-        events=_events(all_rows, _FROM_OUTSIDE, zero_s),
+        events=_events(telemetries, _FROM_OUTSIDE, zero_s),
         commands=_commands(rows, zero_s),
     )
     noted = _events(before, ("mode",), zero_s)
@@ -127,7 +127,7 @@ def _events(
     )
 
 
-def _upright(rows: Sequence[Telemetry]) -> list[Telemetry]:
+def _last_powered_run(rows: Sequence[Telemetry]) -> list[Telemetry]:
     """Return the last rows with torque, since the robot rose.
 
     Of the last few periods of a log, too few for a record, nothing could be said.
@@ -136,8 +136,8 @@ def _upright(rows: Sequence[Telemetry]) -> list[Telemetry]:
     before = Mode.OFF
     for t in rows:
         rose = t.mode is Mode.RISING and before is not Mode.RISING
-        if t.mode not in _LIMP:
-            if rose or before in _LIMP:
+        if t.mode not in _NOT_JUDGED:
+            if rose or before in _NOT_JUDGED:
                 runs.append([])
             runs[-1].append(t)
         before = t.mode
@@ -159,18 +159,6 @@ def _sample_of(t: Telemetry, zero_s: float) -> WalkSample:
         panel=panel,
         truth=t.truth,
     )
-
-
-def _up_to_fall(rows: list[Telemetry]) -> tuple[list[Telemetry], Telemetry | None]:
-    """Return the rows from one fall to the next, the last one's row, and that row."""
-    down = [t.down for t in rows]
-    before = [False, *down]
-    falls = [i for i, t in enumerate(rows) if t.fell and not before[i]]
-    if not falls:
-        return rows, None
-    end = falls[-1]
-    begin = next((i + 1 for i in range(end - 1, -1, -1) if down[i]), 0)
-    return rows[begin : end + 1], rows[end]
 
 
 def _check(robot: Robot, rows: Sequence[Telemetry]) -> None:

@@ -7,7 +7,7 @@ far it has tilted or sunk on the way to a fall, whichever is most.
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -20,7 +20,7 @@ from gaitchain.build.push import impulse_unit_ns
 from gaitchain.build.workers import Crew
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY, Array, Command
-from gaitchain.proof.proof_walks import mild_cells, seed_of
+from gaitchain.proof.proof_walks import CONES, mild_cells, seed_of
 from gaitchain.proof.splitting import (
     EVENT,
     Chance,
@@ -34,7 +34,7 @@ from gaitchain.proof.splitting import (
 )
 from gaitchain.sim.push import Push
 from gaitchain.sim.truth import FALL_HEIGHT, FALL_TILT
-from gaitchain.sim.world import Cone, World
+from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
 SLICE_S = 1.0
@@ -216,7 +216,7 @@ def _draw_world(
     rng = np.random.default_rng((entropy, _BANK, seed, 0, 1))
     cell = cells[int(rng.integers(len(cells)))]
     world = grid_world(library, GridJob((_BANK, seed), cell, "", ()), entropy, 0.0)
-    return replace(world, cone=get_args(Cone)[int(rng.integers(len(get_args(Cone))))])
+    return replace(world, cone=CONES[int(rng.integers(len(CONES)))])
 
 
 class _LevelLoop(WatchedLoop):

@@ -8,6 +8,7 @@ import numpy as np
 from gaitchain.errors import CommandError
 from gaitchain.messages import Array
 from gaitchain.rl.frames import Motion
+from gaitchain.robot.turn import in_heading
 
 DEGREES = tuple(range(5, 16))
 """Degrees that are tried."""
@@ -113,7 +114,8 @@ def mean_cycle(motion: Motion, planned_s: float, frames: int) -> Cycle:
         found = [np.interp(times, motion.time, column) for column in values.T]
         return np.stack([(weight * rows).mean(axis=0) for rows in found], axis=1)
 
-    velocity = _in_heading(motion.heading, motion.qvel[:, :3])
+    vx, vy, up = motion.qvel[:, :3].T
+    velocity = np.stack([*in_heading(motion.heading, vx, vy), up], axis=1)
     return Cycle(
         mean(motion.qpos[:, 7:]),
         mean(motion.qvel[:, 6:], pace),
@@ -121,14 +123,6 @@ def mean_cycle(motion: Motion, planned_s: float, frames: int) -> Cycle:
         mean(velocity, pace),
         mean(motion.qvel[:, 3:6], pace),
     )
-
-
-def _in_heading(heading: Array, velocity: Array) -> Array:
-    """Turn velocities (F, 3) from the world into the frame of the heading."""
-    cos, sin = np.cos(heading), np.sin(heading)
-    ahead, aside, up = velocity.T
-    turned = cos * ahead + sin * aside, cos * aside - sin * ahead, up
-    return np.stack(turned, axis=1)
 
 
 def fit_polynomials(rows: Array, degree: int) -> Array:

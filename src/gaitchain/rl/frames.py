@@ -12,10 +12,10 @@ from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.backends.whole_body import WholeBodyBackend
 from gaitchain.build.own_model import calm, of_its_file, own_model
 from gaitchain.gait.library import GaitLibrary
+from gaitchain.gait.zmp import LEAST_LOAD
 from gaitchain.messages import GRAVITY, Array
 from gaitchain.sim.world import World
 
-_TOUCHES = 0.02  # part of the weight on a foot that is in contact
 _BASE_POSITIONS, _BASE_RATES = 7, 6
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
@@ -170,7 +170,7 @@ class Frames:
                 qpos,
                 data.qvel[self._qvel],
                 self._heading(),
-                (loads >= _TOUCHES * self._weight).astype(float),
+                (loads >= LEAST_LOAD * self._weight).astype(float),
                 data.xpos[stage.bodies],
                 data.xquat[stage.bodies],
                 rates[:, 3:],

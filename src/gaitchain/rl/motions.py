@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gaitchain.analysis.simulated_walk import SETTLE_TICKS
+from gaitchain.analysis.simulated_walk import settling
 from gaitchain.build.jobs import run_jobs
 from gaitchain.build.workers import available_cores
 from gaitchain.gait.command_range import CommandRange
@@ -44,7 +44,7 @@ class Plan:
     seconds: float
     """Length of each motion [s]."""
     rate_hz: int
-    """Frames a second; 100 are as many of them."""
+    """Frames per second [Hz]; 100, one each control period, or a divisor of it."""
     own_file: Path | None = None
     """The robot's file, to walk in its own model; see `stage_of`."""
 
@@ -141,9 +141,8 @@ class _Walk:
         self._phase = StepPhase(self.walker.gait)
         self._ready: tuple[Array, float] | None = None
         self.backend.connect(self.walker.stand)
-        for _ in range(SETTLE_TICKS):
-            self.backend.write(self.walker.standing_targets.position)
-        self._go(round(self.walker.gait.rest_s / CONTROL_PERIOD_S))
+        for target in settling(self.walker, self.backend):
+            self.backend.write(target)
         self.walker.command(command)
         self._go(round(_RUN_IN_S / CONTROL_PERIOD_S))
         if not (command.stops or self.backend.fallen):

@@ -1,7 +1,7 @@
 """Rotations in NumPy, as matrices, headings and quaternions.
 
-`balance.rotations` has those of the compiled control step; who runs no such step does
-not wait until it is compiled.
+`balance.rotations` has those of the compiled control step; code without such a step
+does not wait until it is compiled.
 """
 
 import numpy as np

@@ -13,6 +13,8 @@ from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.fall_watch import FallWatch
 from gaitchain.service.schemas import Fall, NumberedEvent
 
+LOOP_SILENT = "the loop is silent: it is being restarted"
+"""Why there is nothing to tell, and nobody to ask."""
 _KEPT_EVENTS = 200
 _POLL_S = 0.2
 _ASK_EVERY_S = 0.5  # for what was said before; a loop that ends takes a request with it

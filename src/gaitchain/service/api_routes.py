@@ -13,7 +13,7 @@ from starlette.responses import FileResponse, Response
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
-from gaitchain.service.api_feed import Feed
+from gaitchain.service.api_feed import LOOP_SILENT, Feed
 from gaitchain.service.api_schema import answers
 from gaitchain.service.auth import API, VIEWER, forget, problem, remember, same_secret
 from gaitchain.service.command_gateway import CommandGateway
@@ -41,7 +41,6 @@ from gaitchain.service.stream import Hub
 
 _PAGE = Path(__file__).parent / "page"
 _LAST_NUMBER = 2**53
-_SILENT = "the loop is silent: it is being restarted"
 
 
 @dataclass(frozen=True)
@@ -102,7 +101,7 @@ Number = Annotated[
 async def state(here: Here) -> Response:
     """Robot and loop now, as one frame of the stream."""
     frame = here.hub.frame()
-    return problem(503, _SILENT) if frame is None else _json_bytes(frame)
+    return problem(503, LOOP_SILENT) if frame is None else _json_bytes(frame)
 
 
 async def library(here: Here) -> Response:

@@ -11,6 +11,7 @@ from fastapi import FastAPI
 
 from gaitchain.gait.command_range import AXES, CommandRange
 from gaitchain.service import schemas
+from gaitchain.service.api_feed import LOOP_SILENT
 from gaitchain.service.auth import COOKIE
 from gaitchain.sim.bodies import ANY_BODY
 
@@ -27,7 +28,7 @@ _WHY = {
     413: "The body is too large.",
     422: "A value is of the wrong kind, or beyond a limit; `detail` names both.",
     429: "Too many requests.",
-    503: "The loop is silent: it is being restarted.",
+    503: f"{LOOP_SILENT.capitalize()}.",
 }
 _PROBLEM = {
     "application/json": {"schema": {"$ref": f"{_COMPONENTS}{schemas.Problem.__name__}"}}

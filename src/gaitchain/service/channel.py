@@ -123,7 +123,7 @@ class LoopEnd(_End):
         self._requests = self._open(zmq.PULL, _REQUESTS)
         self._emergency = self._open(zmq.PULL, _EMERGENCY)
         self._pulse = Pulse(folder)
-        self._held = self._pulse.held
+        self._held = self._pulse.kept  # why the robot must not move before a reset
 
     def await_log(self, most_s: float) -> bool:
         """Wait until the log listens, before the first telemetry, and only then.
@@ -154,7 +154,7 @@ class LoopEnd(_End):
         why = f"{trouble}: {telemetry.reason}" if held else ""
         if why != self._held:
             self._held = why
-            self._pulse.hold(why)
+            self._pulse.keep(why)  # for a loop after this one
 
     def requests(self, most: int = 50) -> list[Request]:
         """Return the requests that have come: emergency stops, then the oldest first.

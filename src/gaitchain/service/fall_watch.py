@@ -12,7 +12,7 @@ from gaitchain.analysis.rules import Finding
 from gaitchain.errors import GaitchainError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.live.messages import Telemetry
-from gaitchain.live.telemetry_record import record_of
+from gaitchain.live.telemetry_record import before_fall, record_of
 from gaitchain.service.player_part import SILENCE_S
 from gaitchain.service.schemas import Cause, Fall
 
@@ -88,9 +88,8 @@ class FallWatch:
         try:
             library = self._library
             robot, gait = library.robot, library.family.name
-            record = record_of(
-                robot, telemetries, library.timing, since_s=0.0, gait=gait
-            )
+            rows = before_fall(telemetries)
+            record = record_of(robot, rows, library.timing, since_s=0.0, gait=gait)
             unseen = _unseen(telemetries)
             found = replace(explain(robot, record), whole=not unseen)
             sentence, cause = f"{found.sentence}{unseen}", _cause(found)

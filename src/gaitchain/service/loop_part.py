@@ -83,14 +83,14 @@ def make_loop(
             1.0 / settings.rate_hz,
             connected=connected,
         )
-        loop.modes.held = _held(pulse.held)
+        loop.modes.held = _held(pulse.kept)
         loop.modes.up.riser = open_riser(settings, library)
         undo.pop_all()
     return loop, port
 
 
 def _held(why: str) -> Trouble | None:
-    """Return what only a reset may end, as `LoopEnd` remembered it; None for nothing.
+    """Return what only a reset may end, as `LoopEnd` kept it; None for nothing.
 
     The stop of a loop that was killed is no less a stop.
     """

@@ -21,8 +21,8 @@ COMPILING = "compiling"
 """How the text begins of a process that makes machine code, which has no limit."""
 _FILE, _TEXT_BYTES = "pulse", 200
 _TEXT = struct.Struct(f"@Q{_TEXT_BYTES}s")  # bytes of a text, and the text
-_DOING_AT, _HELD_AT = 8, 8 + _TEXT.size  # after the beats
-_SIZE = _HELD_AT + _TEXT.size
+_DOING_AT, _KEPT_AT = 8, 8 + _TEXT.size  # after the beats
+_SIZE = _KEPT_AT + _TEXT.size
 _LONGEST_LOOK_S = 0.5  # a watcher that did not look for longer was held up itself
 WAITS_TO_RUN, WAITS_FOR_DISK = "R", "D"
 """States of Linux in which a process cannot do anything."""
@@ -72,12 +72,9 @@ class Pulse:
         self._put(_DOING_AT, doing)
         struct.pack_into("@Q", self._shared, 0, self.beats + 1)
 
-    def hold(self, why: str) -> None:
-        """Remember why the robot must not move before a reset; empty if it may.
-
-        It outlives the process.
-        """
-        self._put(_HELD_AT, why)
+    def keep(self, text: str) -> None:
+        """Keep a text that outlives the process; an empty one for none."""
+        self._put(_KEPT_AT, text)
 
     @property
     def beats(self) -> int:
@@ -90,9 +87,9 @@ class Pulse:
         return self._text(_DOING_AT)
 
     @property
-    def held(self) -> str:
-        """What `hold` remembered last."""
-        return self._text(_HELD_AT)
+    def kept(self) -> str:
+        """What `keep` kept last."""
+        return self._text(_KEPT_AT)
 
     def _put(self, place: int, text: str) -> None:
         data = text.encode()[:_TEXT_BYTES]

@@ -5,8 +5,6 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from gaitchain.backends.base import Backend
 from gaitchain.backends.makes import MAKES, MakeName
 from gaitchain.backends.mock import MockBackend
@@ -60,16 +58,27 @@ def check_backend(spec: str, calibration: str | Path | None = None) -> None:
 
         check_link(rest or _LINK)
     if kind in MAKES and rest != _EMULATED and calibration is None:
-        raise CommandError(
-            f"--backend {spec}: servos need a calibration: `gaitchain calibrate "
-            f"LIBRARY --make {kind} --port {rest} -o robot.toml`, then --calibration "
-            "robot.toml"
-        )
+        raise uncalibrated(f"--backend {spec}", rest, kind)
     if kind not in MAKES and calibration is not None:
         raise CommandError(
             f"--calibration applies to servo backends only; --backend {spec} has none; "
             "give --backend dynamixel:PORT or feetech:PORT, or leave it out"
         )
+
+
+def uncalibrated(what: str, port: str, make: str = "") -> CommandError:
+    """Return the error of servos without a calibration, which says how to make one.
+
+    Args:
+        what: needs it.
+        port: of the servos.
+        make: of the servos, where it is known.
+    """
+    words = f"LIBRARY --make {make}" if make else "LIBRARY"
+    return CommandError(
+        f"{what}: servos need a calibration: `gaitchain calibrate {words} --port "
+        f"{port} -o robot.toml`, then --calibration robot.toml"
+    )
 
 
 def kind_of(settings: Settings) -> RobotKind:
@@ -178,9 +187,7 @@ def _servos(
     names, emulated = library.robot.legs.joint_names, port == _EMULATED
     calibration = servo_calibration(settings, library)
     if emulated:
-        stand = dict(zip(names, library.robot.legs.stand, strict=True))
-        angles = np.array([stand.get(name, 0.0) for name in calibration.joints])
-        bus = ServoBusEmulator.like(calibration, angles, settings.seed)
-        port = bus.port
+        legs = library.robot.legs
+        port = ServoBusEmulator.standing(calibration, legs, settings.seed).port
     backend = DynamixelBackend(port, calibration, names, period_s)
     return OpenedRobot(backend, emulated=emulated)

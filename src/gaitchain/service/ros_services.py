@@ -27,7 +27,8 @@ from gaitchain.live.messages import (
 WAIT_S = 3.0
 """Within this time the mode has to change [s]."""
 _HEARD_S = 0.5  # within which the loop has read a request, on a busy computer too
-_UNHEARD = 2  # rows on their way while a request is
+# Telemetry rows that may have been sent before the loop read the request.
+_UNHEARD = 2
 _ALL = frozenset(Mode)
 _UP = frozenset({Mode.RISING, Mode.STANDING, Mode.WALKING})
 _Kind = type[Start | Stop | Rest | Reset | GetUp | EmergencyStop]

@@ -22,7 +22,7 @@ class SightBeat:
     def __init__(self, folder: Path) -> None:
         """Say which process draws from now on."""
         self._pulse = Pulse(folder, _FILE)
-        self._pulse.hold(str(os.getpid()))
+        self._pulse.keep(str(os.getpid()))
 
     def beat(self) -> None:
         """Say that it still does, in a file that somebody may have removed."""
@@ -32,7 +32,7 @@ class SightBeat:
 
     def close(self) -> None:
         """Say that it does no more."""
-        self._pulse.hold("")
+        self._pulse.keep("")
         self._pulse.close()
 
 
@@ -61,5 +61,5 @@ class Sight:
             self._seen, self._seen_s = beats, now_s
         with suppress(ValueError):
             if now_s - self._seen_s < _SILENT_S:
-                return int(self._pulse.held)
+                return int(self._pulse.kept)
         return None

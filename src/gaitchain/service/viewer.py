@@ -80,7 +80,7 @@ class LiveView:
         self._visitors: dict[int, _Visitor] = {}
         self._lock = threading.Lock()
         server.on_client_connect(self._welcome)
-        server.on_client_disconnect(self._part)
+        server.on_client_disconnect(self._forget_client)
 
     def wear(self, looks: Sequence[Look]) -> None:
         """Draw the robot in its own shapes, see `sim.looks.wear`; () is no change."""
@@ -226,7 +226,7 @@ class LiveView:
         with self._lock:
             self._visitors[client.client_id] = _Visitor(world, follows)
 
-    def _part(self, client: ClientHandle) -> None:
+    def _forget_client(self, client: ClientHandle) -> None:
         with self._lock:
             self._visitors.pop(client.client_id, None)
 

@@ -1,4 +1,4 @@
-"""A robot that differs from its file in ways that nobody is told. Ours.
+"""A robot that differs from its file in ways that are not told. Ours.
 
 What is found out about it has to come from its log, as with a robot on a bench. It is
 drawn once by its seed: walks differ in their noise and their commands only.

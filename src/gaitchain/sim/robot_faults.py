@@ -35,7 +35,7 @@ def world_of(robot: Robot, world: World, period_s: float = CONTROL_PERIOD_S) -> 
     sums = {n: getattr(world, n) + getattr(found, n) for n in _OF_ALL}
     late_s = period_s * round(found.imu_delay_s / period_s)
     sums["imu_delay_s"] = world.imu_delay_s + late_s
-    # Whoever gives a world at its limit gave no sum, which the world would refuse.
+    # A field at its limit plus what was found would be refused by the world.
     return replace(world, **{n: min(total, _most(n)) for n, total in sums.items()})
 
 

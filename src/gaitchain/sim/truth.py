@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from gaitchain.gait.zmp import LEAST_LOAD, zmp_of_wrench
 from gaitchain.messages import GRAVITY, Array
 from gaitchain.sim.stability import divergences
 from gaitchain.sim.world import World
@@ -15,7 +16,6 @@ FALL_HEIGHT = 0.65
 """Part of the base's standing height; a robot below it has fallen."""
 FALL_TILT = math.radians(45.0)
 """Tilt of the trunk; a robot that leans further has fallen [rad]."""
-_MIN_LOAD = 0.02  # of the weight; below it the ZMP is undefined
 _NEAR = 1e-3  # largest distance that is measured exactly [m]
 _CORNERS = np.array([[x, y, -1.0] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
 _DOWN = np.array([0.0, 0.0, -1.0])
@@ -55,7 +55,7 @@ class SimulatorTruth:
     def fallen(self) -> bool:
         """Whether the base is below 0.65 of its height or tilted past 45 deg.
 
-        Or nobody knows, as the physics diverged.
+        Also if the physics diverged.
         """
         high = self.data.qpos[2] >= FALL_HEIGHT * self._standing
         upright = self._vertical()[2] >= math.cos(FALL_TILT)  # no NaN is
@@ -147,16 +147,9 @@ class SimulatorTruth:
         """Return the ZMP of the forces on both soles, (2,) [m]; NaN off the ground."""
         wrench = self.ground_wrenches().sum(axis=0)
         torque, force = wrench[:3], wrench[3:]
-        if force[2] < _MIN_LOAD * self._weight:
+        if force[2] < LEAST_LOAD * self._weight:
             return np.full(2, np.nan)
-        # The wrench is about the CoM of the whole robot; move it to the floor.
-        x, y, z = self.data.subtree_com[1]
-        return np.array(
-            [
-                x - (torque[1] + z * force[0]) / force[2],
-                y + (torque[0] - z * force[1]) / force[2],
-            ]
-        )
+        return zmp_of_wrench(torque, force, self.data.subtree_com[1])
 
 
 def _sole_geoms(model: mujoco.MjModel) -> NDArray[np.intp]:

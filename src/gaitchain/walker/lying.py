@@ -1,6 +1,6 @@
-"""The attitude of a robot that nobody balances: it falls, lies, and gets up. Ours.
+"""The attitude of a robot that is not balanced: it falls, lies, and gets up. Ours.
 
-Who balances has Euler angles, which end where a trunk leans by 90 deg, and the soles to
+The balance has Euler angles, which are singular at 90 deg of pitch, and the soles to
 correct them. Here the gyro turns two directions, as the trunk sees them, and gravity
 corrects which one is up wherever the trunk rests.
 """
@@ -53,7 +53,7 @@ class Lying:
 
     @property
     def tilt(self) -> tuple[float, float]:
-        """Roll and pitch, as the Euler angles of who is balanced [rad]."""
+        """Roll and pitch, as the Euler angles of the balance [rad]."""
         ahead, left, up = self._up.tolist()
         return math.atan2(left, up), math.atan2(-ahead, math.hypot(left, up))
 

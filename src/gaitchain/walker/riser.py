@@ -17,9 +17,9 @@ TRIES = 3
 """How often it is tried."""
 NEAR = math.radians(15.0)
 """Joints that stand are all within this of the pose to stand in [rad]. Half of what the
-loop's guard takes for a joint that does not follow: who is up shall be able to walk.
-OP3's joints are within 0.04 rad in its model; knees that kneel are bent by more than
-1 rad."""
+loop's guard takes for a joint that does not follow: a robot that is up has to be able
+to walk. OP3's joints are within 0.04 rad in its model; knees that kneel are bent by
+more than 1 rad."""
 _STRAIGHTENS_S = (
     1.5  # from wherever the joints are to the pose that the ways begin with
 )
@@ -127,7 +127,7 @@ class Riser:
             self._rise(last)
 
     def _is_straight(self, joint_position: Array) -> bool:
-        """Whether the joints are as it stands: who kneels is upright, too."""
+        """Whether the joints are as it stands: a kneeling robot is upright, too."""
         off = np.abs(joint_position - self._stands)
         far = (off > NEAR) & (np.abs(joint_position) < LIMITS["joint_position"])
         return not far.any(axis=1).all()

@@ -220,7 +220,7 @@ class StrideGait(Gait):
             )
         check_footsteps(self.generator, self._feet, steps, self._poses.stance)
         low = min(self._commands[0].crouch, self._deepest(steps))
-        self.command(Command(crouch=low))  # nobody knows what is above it
+        self.command(Command(crouch=low))  # what is above it was not walked
         self._footsteps = deque(steps)
 
     def _deepest(self, steps: Sequence[Footstep]) -> float:
@@ -390,7 +390,7 @@ class StrideGait(Gait):
     def _room_to_step(self) -> float:
         """Return the part of the command that the legs can carry out as low as it is.
 
-        Who was lower than this speed allows comes up first.
+        A robot that was lower than this speed allows comes up first.
         """
         most, crouch = self.generator.library.command_range, self._walk.state.crouch
         return max(most.room(self._commands[0], crouch), _SMALLEST)

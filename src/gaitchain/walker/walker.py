@@ -168,7 +168,7 @@ class Walker:
             self._odometry.reset()
 
     def lie(self, sensors: Sensors) -> None:
-        """Follow the attitude of a robot that nobody balances, as it falls and lies.
+        """Follow the attitude of a robot that is not balanced, as it falls and lies.
 
         Called in place of `step`, once per control period, until `reset` with `fell`.
 
@@ -410,7 +410,7 @@ class Walker:
 
     @property
     def tilt(self) -> tuple[float, float] | None:
-        """Estimated roll and pitch of the trunk, also of who lies [rad].
+        """Estimated roll and pitch of the trunk, also where the robot lies [rad].
 
         By `step`, or by `lie` where that was called last; None for key poses.
         """

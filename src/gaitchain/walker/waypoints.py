@@ -44,7 +44,9 @@ ORIGIN = Place()
 """Where a robot stands at its start."""
 _SLOW = 2.0  # steps: the rest of a way is made in no less
 _NEAR, _NEAR_TURN = 0.02, math.radians(2.0)  # of the leg
-_NEAR_FACING = 0.06  # of who has to face where it goes: each turn moves it by 0.02
+_NEAR_FACING = (
+    0.06  # of a robot that has to face where it goes: a turn moves it by 0.02
+)
 _SURELY = 0.5  # of what is near enough: there a robot stops
 _LEFT = math.sqrt(1.0 - _SURELY**2)  # of it: what may be left beside that
 _FURTHEST_M = 1000.0
@@ -58,8 +60,8 @@ _DIRECTIONS = (
 def near_of(library: GaitLibrary) -> "Near":
     """Return how near a place counts as there for the robot of a library.
 
-    Who does not walk to all sides has to turn for what is left of a way, and a turn on
-    the spot moves the robot, too.
+    A robot that does not walk to all sides has to turn for what is left of a way, and a
+    turn on the spot moves it, too.
     """
     ahead, aside, _ = library.command_range.both_ways
     part = _NEAR if ahead and aside else _NEAR_FACING
@@ -240,9 +242,9 @@ class Way:
     def _off(self, place: Place) -> Place:
         """Return the goal from a place, as far as it is to be made up.
 
-        A little that the range lacks is left: who turned for it would never be done.
-        Where there is no way any more, as after a slip of who cannot turn, the robot
-        goes as near as it can.
+        A little that the range lacks is left: turns for it would never end. Where there
+        is no way any more, as after a slip of a robot that cannot turn, the robot goes
+        as near as it can.
         """
         seen = self.goal.seen_from(place)
         off = _without(seen, self._most, Near(*(_LEFT * most for most in self.near)))

@@ -149,7 +149,7 @@ class DynamixelBackend:
         self.load = bus_load(bus, setups, imu_bytes)
         self.load.check(self._period_s, bus.name)
         if self._imu is not None:
-            # What servos made it wait does not count: nobody has asked the IMU yet.
+            # What servos made it wait does not count: the IMU was not asked yet.
             with bus.hurried(_MISSING_WAIT_S):
                 self._imu.find(bus)
         return setups
@@ -314,7 +314,7 @@ class DynamixelBackend:
         """Turn the torque off and close the port; never raises.
 
         A lost port is opened again for that if it is back. What did not let go is
-        logged, as nobody asks for `health` any more.
+        logged, as `health` is not asked for any more.
         """
         if self._in_use:
             self.release()

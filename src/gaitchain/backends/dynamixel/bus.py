@@ -32,10 +32,10 @@ class Heard(NamedTuple):
     answers: dict[int, Answer]
     """By id, of those that answered."""
     silent: frozenset[int]
-    """Ids that did not, though it was their turn; who is left had no turn."""
+    """Ids that did not, though it was their turn; all others had no turn."""
 
     def in_order(self, ids: Iterable[int]) -> list[int]:
-        """Return ids as to be asked next: nobody behind one that was silent."""
+        """Return ids as to be asked next: none behind one that was silent."""
         return sorted(ids, key=lambda n: (n in self.silent) - (n in self.answers))
 
 
@@ -91,7 +91,7 @@ class ServoBus:
 
     @property
     def late_bytes(self) -> int:
-        """Number of bytes that came when nobody waited for them any more."""
+        """Number of bytes that came after the wait for them had ended."""
         return 0 if self._port is None else self._port.late_bytes
 
     @property
@@ -241,7 +241,7 @@ class ServoBus:
         while asked and silences < _SILENCES and port.now() < deadline:
             if self._wait_left_s <= 0.0:
                 break
-            # Who is missing in the one packet is asked again for packets of their own.
+            # Servos missing in the one packet are asked again for packets of their own.
             request = self._fast_read if fast else self._sync_read
             heard, fast = request(asked, block, deadline), False
             answers |= heard

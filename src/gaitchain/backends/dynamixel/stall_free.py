@@ -8,7 +8,7 @@ class StallFreeClock:
     """A clock that goes on by a little at most between two looks.
 
     A busy computer may hold a program up for longer than a servo takes to answer. Such
-    time is no silence of the servo: nobody was listening. Whoever waits looks at the
+    time is no silence of the servo: the program did not listen. A wait looks at the
     clock more often than `most_s`, so that a wait without a stall keeps its length.
     """
 

@@ -70,7 +70,7 @@ class Wire(Protocol):
         """Return the next packet, and the SDK's result."""
 
     def unpack(self, packet: Sequence[int], size: int) -> tuple[int, Answer] | None:
-        """Return who answers what; None for an error, or for another request's."""
+        """Return an answer and its id; None for an error, or another request's."""
 
     def fast_size(self, count: int, block: Block) -> int:
         """Return the bytes of one packet in which so many servos answer."""
@@ -149,7 +149,7 @@ class Protocol2:
         return packet, int(result)
 
     def unpack(self, packet: Sequence[int], size: int) -> tuple[int, Answer] | None:
-        """Return who answers what; None for an error, or for another request's."""
+        """Return an answer and its id; None for an error, or another request's."""
         length = packet[_LENGTH] + 256 * packet[_LENGTH + 1]
         error = packet[_ERROR]
         if length != size + _OTHERS or error & ~ALERT:

@@ -110,7 +110,7 @@ class EmulatedSts(TableServo):
         self.advance(now)
 
     def advance(self, now: float) -> None:
-        """Advance the motion to a time [s]; nothing stops it when nobody speaks."""
+        """Advance the motion to a time [s]; it goes on also without any packet."""
         if self.torque:
             self._motor.follow(table.signed(self._get(table.GOAL)), now - self._now)
         else:

@@ -17,7 +17,7 @@ class Feetech(Make):
     """The STS series with 12-bit magnetic encoders.
 
     They have no watchdog: a servo holds its last goal until it is told otherwise. Goals
-    are a control period ahead, so that is where it stops when nobody speaks; a program
+    are a control period ahead, so that is where it stops without any packet; a program
     that was silent for too long refuses to go on by itself (`ServoWatch.lapsed`).
     """
 

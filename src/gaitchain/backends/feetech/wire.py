@@ -70,7 +70,7 @@ class StsProtocol:
         return packet, int(result)
 
     def unpack(self, packet: Sequence[int], size: int) -> tuple[int, Answer] | None:
-        """Return who answers what; None for another request's answer."""
+        """Return an answer and its id; None for another request's answer."""
         if packet[_LENGTH] != size + _OTHERS:
             return None
         data = bytes(packet[_DATA : _DATA + size])

@@ -92,7 +92,7 @@ class StridePoses:
     def step_target(self, kp_2: int, kp_3: int, stride: int) -> StepTarget:
         """Return the target of a step from its two shapes and its last stride.
 
-        Its usual error is that of a robot that nobody has measured; the next step's
+        Its usual error is that of a robot that was not measured; the next step's
         feet are as far apart as those of the standing robot.
         """
         share, rate, lift = self.parameters[1][kp_2]

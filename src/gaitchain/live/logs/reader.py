@@ -234,23 +234,23 @@ def _typed(telemetry: Telemetry) -> Telemetry:
 
 
 def _in_words(
-    rows: int, beyond: int | None, chunks: int, unread: int, gaps: Gaps
+    rows: int, beyond: int | None, damaged: int, unread: int, gaps: Gaps
 ) -> str:
     """Say what is missing.
 
     Args:
         rows: that were read.
         beyond: bytes after its end; None if the end is missing.
-        chunks: that are damaged.
+        damaged: chunks.
         unread: rows that cannot be read.
         gaps: between the rows.
     """
     found = []
     if gaps.lost:
         found.append(gaps.in_words)
-    if chunks:
-        are = "is" if chunks == 1 else "are"
-        found.append(f"{chunks} of its chunks {are} damaged and left out")
+    if damaged:
+        are = "is" if damaged == 1 else "are"
+        found.append(f"{damaged} of its chunks {are} damaged and left out")
     if unread:
         found.append(f"{unread} of its rows cannot be read")
     if beyond is None:

@@ -115,7 +115,7 @@ class EmulatedBus:
         yield from map(self._passed, self._carry_out(packet, now))
 
     def _fast_sync_read(self, data: bytes, now: float) -> Iterator[bytes]:
-        """Yield the parts of one packet; who hears no part before its own is silent."""
+        """Yield the parts of one packet; a servo waits for the part before its own."""
         for device in self._alive(self.devices):
             device.hear(now)
         found = list(self._sync_read(data))

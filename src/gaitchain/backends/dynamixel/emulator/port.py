@@ -24,6 +24,7 @@ from gaitchain.backends.dynamixel.make import DYNAMIXEL, Make, make_named
 from gaitchain.backends.dynamixel.stall_free import StallFreeClock
 from gaitchain.errors import BackendError, temporary_folder
 from gaitchain.messages import Array
+from gaitchain.robot.leg_model import LegModel
 
 _CHUNK = 4096
 _PAUSE_S = 0.02  # a packet with a longer pause inside is discarded
@@ -120,6 +121,21 @@ class ServoBusEmulator:
         if calibration.imu is not None:
             devices.append(EmulatedImu(calibration.imu))
         return cls(kinds.bus(devices, seed, clock))
+
+    @classmethod
+    def standing(
+        cls, calibration: Calibration, legs: LegModel, seed: int = 0
+    ) -> "ServoBusEmulator":
+        """Return the bus of a robot that stands, as `like` does.
+
+        Args:
+            calibration: the calibration of the servos.
+            legs: of the robot; a joint that they do not have is at 0.
+            seed: seed of the random faults.
+        """
+        stand = dict(zip(legs.joint_names, legs.stand, strict=True))
+        angles = np.array([stand.get(name, 0.0) for name in calibration.joints])
+        return cls.like(calibration, angles, seed)
 
     def angle_deg(self, number: int) -> float:
         """Return the present angle of a servo [deg]."""
