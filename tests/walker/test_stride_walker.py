@@ -1,4 +1,4 @@
-"""The walker on a library of strides: bad sensors, commands, standing, repeatability."""
+"""The walker on a library of strides: bad sensors, commands, standing, repeats."""
 
 import math
 from dataclasses import replace

@@ -32,7 +32,7 @@ from gaitchain.robot.robot import Robot
 RUN_UP_S = 1.5
 DISTURBED_S = 3.0
 """So long after a push a robot may take to fall [s]: some steps of a swaying walk."""
-_STILL = 1e-3  # m/s and rad/s: who was asked for less stood
+_STILL = 1e-3  # m/s and rad/s: a robot that was asked for less stood
 _WEAKER = Remedy("a weaker disturbance (`gaitchain push` finds what it withstands)")
 _STOOD = Remedy("floor, load and servos: it stood")
 _IN_PROFILE = {

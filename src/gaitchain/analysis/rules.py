@@ -63,7 +63,7 @@ class Remedy(NamedTuple):
     text: str
     """The parameter, and in which direction."""
     walking_only: bool = False
-    """Whether it does nothing for a robot that stands: nobody stands more slowly."""
+    """Whether it does nothing for a robot that stands: it cannot stand more slowly."""
 
 
 _SLOWER = Remedy("a slower command", walking_only=True)

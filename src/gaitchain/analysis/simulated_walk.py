@@ -25,7 +25,7 @@ STOP_S, STOP_STEPS = 3.0, 3.0
 """Time limit for coming to a stand after a timed schedule: the longer of these seconds
 and these steps."""
 # Of the time limit for a way point. RES takes 7 to 18 s more than at full speed, for
-# turning, slowing down and coming to a stand; who slips or is pushed, is slower.
+# turning, slowing down and coming to a stand; after a slip or a push, more.
 _WAY_S, _WAY_PARTS = 60.0, 2.0
 _LOOK_TICKS = 10  # between two looks at the way to a way point
 _BASE = 7  # generalised coordinates of the trunk

@@ -1,7 +1,7 @@
 """Roll a lying robot over onto its other side, to get up from there. Ours.
 
 Most robots roll by a pose or two that are not the same on both sides, drawn at random.
-So whoever gets up from one side gets up from both.
+So a robot that gets up from one side gets up from both.
 """
 
 import numpy as np

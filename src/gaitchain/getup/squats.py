@@ -1,7 +1,7 @@
 """Squats: poses in which a robot rests on both feet, from the stand down. Ours.
 
-Whoever rises through them stays in balance at each moment, so that rising can be slow,
-and comes out alike from wherever it begins.
+A robot that rises through them stays in balance at each moment, so that rising can be
+slow, and comes out alike from wherever it begins.
 """
 
 from typing import NamedTuple

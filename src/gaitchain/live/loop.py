@@ -183,7 +183,7 @@ class ControlLoop:
     def _judge(self, sensors: Sensors | None, elapsed_s: float) -> Trouble | None:
         """Let the guard judge what was measured, or that nothing was."""
         if sensors is None or self.modes.mode is Mode.GETTING_UP:
-            return self._guard.silence()  # who lies leans, and strains
+            return self._guard.silence()  # a robot that lies leans, and strains
         torques = self._backend.loads()
         if self._backend.load_unit != TORQUE_UNIT:
             torques = self._blank.joint_position

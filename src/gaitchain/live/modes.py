@@ -452,7 +452,7 @@ class ModeMachine:
 
     @property
     def _stands(self) -> bool:
-        """Whether it stands; who only rocks on both feet has not begun to walk."""
+        """Whether it stands; to rock on both feet is not yet to walk."""
         walker = self._walker
         rocks = self.mode is Mode.STANDING and walker.gait.settling
         return walker.standing or rocks

@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # which needs machine code, the checks here do not
 MOST_PLACES = 1000
 """Places of one errand: it is compared whenever it is repeated."""
 _STOPS = 0.7  # of that; a walker stops where that brings it to within half of it
-_PASSED = 0.3  # of the leg: who comes so near to a place on the way goes on to the next
+_PASSED = 0.3  # of the leg: so near to a place on the way, the next one is the goal
 
 
 class Trip:
@@ -55,8 +55,8 @@ class Trip:
         """Refuse places that cannot be walked to: on the way it is too late."""
         check_count(len(places))
         here, most = self._walker.place, self._walker.command_range
-        # Who walks in every direction has a way to every place, and a control period is
-        # too short to look for a thousand.
+        # A robot that walks in every direction has a way to every place, and a control
+        # period is too short to look for a thousand.
         everywhere = all(most.both_ways)
         for number, place in enumerate(places, start=1):
             name = f"place {number}"
@@ -65,7 +65,7 @@ class Trip:
                 continue
             near = self._there if number == len(places) else self._passed
             check_way(here, place, most, near, name)
-            # Who cannot turn still has the heading that it set out with.
+            # A robot that cannot turn still has the heading that it set out with.
             here = place if any(most.yaw_rate) else place._replace(yaw=here.yaw)
 
     def end(self) -> None:

@@ -40,7 +40,7 @@ from gaitchain.walker.walker import Walker
 SLICE_S = 1.0
 _BANK, _ALONE = 4, 5  # of seeds, with splitting and without: the proof's is 3
 _CHANGE = 0.25  # chance of another command in a slice
-_BELOW = 0.999  # level of whoever is nearly down but has not fallen
+_BELOW = 0.999  # level of a robot that is nearly down but has not fallen
 _ROBOT = 1  # body with all of the robot in its tree
 
 

@@ -24,7 +24,7 @@ class StepPhase:
         self._since_s += CONTROL_PERIOD_S
         begins = gait.steps != self._steps
         self._steps = gait.steps
-        # Who leaves a stand shifts the weight before the first step begins.
+        # The first step begins after the weight was shifted.
         self._shifts = (self._shifts or gait.standing) and not begins
         if begins or self._shifts:
             self._begin_step()

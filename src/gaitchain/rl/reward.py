@@ -28,7 +28,7 @@ class Reward:
 
         Args:
             command: what is to be walked.
-            robot: who walks.
+            robot: the one that walks.
             backend: the simulator, of which the reward takes the ground truth.
         """
         self._command, self._backend = command, backend
