@@ -75,9 +75,9 @@ def record_of(
 ) -> WalkRecord:
     """Build a walk's record from the loop's telemetry, up to a fall in its last row.
 
-    It begins where the robot rose last: a robot that was limp, or was put back on its
-    feet, was moved by others. Without a fall all since then is in it up to where the robot went
-    limp. What stopped and reset it is noted.
+    It begins where the robot rose last: one that was limp, or was put back on its feet,
+    was moved by others. Without a fall all since then is in it up to where the robot
+    went limp. What stopped and reset it is noted.
     In simulation the rows with the simulator's truth count. Of a real robot all rows
     do, and what it did not measure is NaN; without the loads on its feet its support
     is "stand" throughout, so that no touch-down is judged.
