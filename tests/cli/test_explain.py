@@ -77,7 +77,7 @@ def test_a_fall_is_explained(tmp_path, capsys):
         "try a weaker disturbance (`gaitchain push` finds what it withstands), or "
         "hip_height up (straighter knees), or joint_torque_limit up."
     )
-    order = [out.index(w) for w in ("a push of 9 N s │", "(the cause)", "the fall ")]
+    order = [out.index(w) for w in ("a push of 9 N s ", "(the cause)", "the fall ")]
     assert order == sorted(order)
     assert (tmp_path / "timeline.png").read_bytes().startswith(PNG)
     assert str(tmp_path / "timeline.png") in out
@@ -109,6 +109,16 @@ def test_a_walk_that_held_says_so_and_lists_what_broke(tmp_path, capsys):
     assert "self collision" in out
     assert "100 ms" in out
     assert "the fall" not in out
+
+
+def test_what_to_try_is_told_once_for_a_rule_that_broke_at_two_joints(tmp_path, capsys):
+    torque = np.zeros((300, 12))
+    torque[100:150, [3, 9]] = 120.0
+    save_record(walk_with(torque=torque), tmp_path / "walk.rec")
+    assert run(options(tmp_path))[0] == 0
+    table, advice = capsys.readouterr().out.split("What to try")
+    assert table.count("torque saturation") == 2
+    assert advice.count("torque saturation") == 1
 
 
 def test_a_walk_without_fault_has_no_table(tmp_path, capsys):

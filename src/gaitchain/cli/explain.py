@@ -130,14 +130,18 @@ def _show(explanation: Explanation, path: Path) -> None:
             f"{finding.what}{' (the cause)' if finding is explanation.cause else ''}",
             finding.how_much,
             finding.limit_text,
-            finding.advice,
         )
         for finding in explanation.findings
     ]
-    lines += [(time_s, what, "", "", "") for time_s, what in _happened(explanation)]
+    lines += [(time_s, what, "", "") for time_s, what in _happened(explanation)]
     if explanation.fell_at_s is not None:
-        lines.append((explanation.fell_at_s, "the fall", "", "", ""))
+        lines.append((explanation.fell_at_s, "the fall", "", ""))
     rows = [(f"{time_s:.2f}", *more) for time_s, *more in sorted(lines)]
-    heads = ("time [s]", "what broke", "by how much", "limit", "what to try")
+    heads = ("time [s]", "what broke", "by how much", "limit")
     if rows:
-        print_table(f"Rules that broke in {path}", heads, rows)
+        print_table(f"Rules that broke in {path}", heads, rows, (0, 1))
+    # Once for each rule, which may have broken at every joint; the cause has been told.
+    others = [f for f in explanation.findings if f is not explanation.cause]
+    advice = dict.fromkeys((f.rule.value, f.advice) for f in others)
+    if advice:
+        print_table("What to try", ("what broke", "what to try"), advice, (0, 1))
