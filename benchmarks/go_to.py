@@ -22,8 +22,8 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.sim.world import World
+from gaitchain.walker.place import Place
 from gaitchain.walker.walker import Walker
-from gaitchain.walker.waypoints import Place
 
 SECONDS = 60.0  # at most
 NEAR_M, NEAR_DEG = 0.03, 3.0

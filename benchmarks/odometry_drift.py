@@ -23,8 +23,9 @@ from gaitchain.build.workers import available_cores
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.messages import CONTROL_PERIOD_S, Command
+from gaitchain.walker.place import Place
 from gaitchain.walker.walker import Walker
-from gaitchain.walker.waypoints import Place, near_of, steer
+from gaitchain.walker.waypoints import near_of, steer
 
 WAYS = {
     "straight": (Place(10.0),),

@@ -22,8 +22,9 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import load_library
 from gaitchain.messages import CONTROL_PERIOD_S, Command
 from gaitchain.sim.push import Punches
+from gaitchain.walker.place import Place
 from gaitchain.walker.walker import Walker
-from gaitchain.walker.waypoints import Place, near_of, steer
+from gaitchain.walker.waypoints import near_of, steer
 
 EVERY_S, FAR, TURN = 5.0, 1.0, math.radians(90.0)
 LOOK_S = 0.1  # between two looks at the way

@@ -15,8 +15,8 @@ from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.errors import CommandError
 from gaitchain.gait.library_file import load_library
 from gaitchain.walker.footsteps import Footstep
+from gaitchain.walker.place import Place
 from gaitchain.walker.walker import Walker
-from gaitchain.walker.waypoints import Place
 
 library = load_library(Path(gaitchain.__file__).parent / "data" / "res.gait")
 walker, robot = Walker(library), MujocoBackend(library.robot)

@@ -21,7 +21,7 @@ from gaitchain.balance.walk_controller import rehearse
 from gaitchain.build.stride_feasibility import feasible_pairs
 from gaitchain.build.stride_rollout import walk_strides
 from gaitchain.discover.loaded_robot import load_robot
-from gaitchain.gait.stride.shape import LANDING, MODEL_SHAPE
+from gaitchain.gait.stride.shape import ARRIVAL, MODEL_SHAPE
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.sim.world import World
@@ -171,7 +171,7 @@ def long_strides():
     leg = robot.reduced.leg_length
     rows = np.array([(0.0, 0.0, 0.0), (0.31, 0.0, 0.0), (0.63, 0.0, 0.0)])
     rows[:, 0] *= leg
-    layers = rows, np.array([shape.passing(leg)]), np.array([LANDING]), rows
+    layers = rows, np.array([shape.passing(leg)]), np.array([ARRIVAL]), rows
     poses = StridePoses(robot, shape.hip_height * leg, layers, shape.balance)
     lasts = [1, *[2] * 14, 1, 0]
     gaits = [(a, 0, 0, b) for a, b in zip([0, *lasts], lasts, strict=False)]

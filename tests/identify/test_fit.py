@@ -22,7 +22,7 @@ from gaitchain.identify.simulated import exercise_hidden, replay
 from gaitchain.live.exercise import Motion, exercise
 from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.robot.identified import UNSURE, Identified
-from gaitchain.sim.robot_faults import unsure
+from gaitchain.sim.robot_faults import unsure_fields
 from gaitchain.sim.world import World
 
 ROWS = 500
@@ -85,7 +85,7 @@ def test_what_the_log_does_not_tell_is_said(found):
     left = found.identified.deviations
     assert left["com"] > 0.006
     assert 0.0 < left["gain"] < 0.3
-    assert unsure(RES.as_identified(found.identified))["doubt"] == 1.0
+    assert unsure_fields(RES.as_identified(found.identified))["doubt"] == 1.0
 
 
 def test_what_is_unknown_is_that_of_each_number_in_its_own_unit(found):

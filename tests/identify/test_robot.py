@@ -33,7 +33,7 @@ from gaitchain.robot.storage import robot_arrays, robot_facts, robot_from
 from gaitchain.robot.turn import turn_matrix
 from gaitchain.sim.model import build_model
 from gaitchain.sim.push import Push
-from gaitchain.sim.robot_faults import likely_robot, plays
+from gaitchain.sim.robot_faults import backlash_of, likely_robot
 from gaitchain.sim.world import DISTURBANCES, World
 from gaitchain.walker.mounting import Mounting
 from gaitchain.walker.walker import Walker
@@ -234,7 +234,7 @@ def test_a_world_adds_to_what_was_identified():
     world = World(delay_s=0.004, backlash_deg=0.1)
     assert MujocoBackend(MINE, world).world.delay_s == pytest.approx(0.016)
     np.testing.assert_allclose(
-        plays(MINE, world), np.radians(FOUND.backlash_deg + 0.1), atol=1e-12
+        backlash_of(MINE, world), np.radians(FOUND.backlash_deg + 0.1), atol=1e-12
     )
 
 

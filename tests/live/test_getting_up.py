@@ -10,7 +10,7 @@ from live_robot import PERIOD_S, Live
 from planned_library import planned_library
 
 from gaitchain.backends.whole_body import WholeBodyBackend
-from gaitchain.build.own_model import calm, own_model
+from gaitchain.build.own_model import own_model, use_implicit_integrator
 from gaitchain.discover.loaded_robot import load_robot
 from gaitchain.errors import BackendError
 from gaitchain.gait.get_up import load_get_up
@@ -25,8 +25,8 @@ from gaitchain.live.messages import (
     TroubleKind,
 )
 from gaitchain.sim.world import World
+from gaitchain.walker.place import Place
 from gaitchain.walker.riser import TRIES, Riser
-from gaitchain.walker.waypoints import Place
 
 SHARED = Path(__file__).parents[3] / "shared" / "robots"
 FILE = Path(os.environ.get("MENAGERIE_ROOT") or SHARED) / "robotis_op3/op3.xml"
@@ -47,7 +47,7 @@ def op3_library():
 def op3(op3_library):
     """A loop whose robot stands; it knows its way up."""
     model = own_model(FILE, op3_library.robot, World())
-    calm(model)
+    use_implicit_integrator(model)
     live = Live(backend=WholeBodyBackend(model, op3_library), of=op3_library)
     live.loop.modes.up.riser = Riser(load_get_up(WAYS, op3_library.robot), PERIOD_S)
     return live.run(3.0)

@@ -20,8 +20,8 @@ from gaitchain.live.messages import Drive, FollowSteps, GoTo, TroubleKind
 from gaitchain.live.safe_backend import Backoff
 from gaitchain.messages import GRAVITY, Command, Sensors
 from gaitchain.walker.footsteps import Footstep
+from gaitchain.walker.place import Place
 from gaitchain.walker.riser import Riser, Rising
-from gaitchain.walker.waypoints import Place
 
 COUNT = 12
 angles = st.lists(st.floats(-1.0, 1.0), min_size=COUNT, max_size=COUNT)

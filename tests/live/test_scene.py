@@ -24,8 +24,8 @@ from gaitchain.messages import Command
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.robot.turn import quaternion
 from gaitchain.sim.model import build_model
+from gaitchain.walker.place import Place
 from gaitchain.walker.walker import Walker
-from gaitchain.walker.waypoints import Place
 
 RES = load_box_robot("res")
 MODEL = build_model(RES)

@@ -21,7 +21,7 @@ from gaitchain.live.messages import (
 )
 from gaitchain.live.trip import MOST_PLACES
 from gaitchain.walker.footsteps import Footstep
-from gaitchain.walker.waypoints import Place
+from gaitchain.walker.place import Place
 
 GOAL = Place(0.25, 0.1, math.radians(25.0))
 HALF = 0.5 * library().poses.stance

@@ -12,8 +12,8 @@ from gaitchain.live.messages import FollowSteps, Going, GoTo, Mode, ReplayState
 from gaitchain.service import command_gateway
 from gaitchain.service.api_limits import ApiLimits
 from gaitchain.walker.footsteps import Footstep
+from gaitchain.walker.place import Place
 from gaitchain.walker.stride_generator import StrideGenerator
-from gaitchain.walker.waypoints import Place
 
 HERE = Place(1.0, 2.0)
 HALF = 0.5 * small_library().poses.stance

@@ -24,7 +24,7 @@ from gaitchain.live.messages import (
     encode,
 )
 from gaitchain.service.channel import Listener, LoopEnd
-from gaitchain.walker.waypoints import Place
+from gaitchain.walker.place import Place
 
 RES = planned_res().robot
 MOVES = Reset("me"), Start("me"), GetUp("me"), Drive("me", 0.1), GoTo("me", (Place(),))

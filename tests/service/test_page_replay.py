@@ -7,7 +7,7 @@ from page_server import PageServer
 from planned_library import planned_res
 
 from gaitchain.live.messages import Going, Mode, ReplayState
-from gaitchain.walker.waypoints import Place
+from gaitchain.walker.place import Place
 
 pytestmark = pytest.mark.browser
 LIBRARY = planned_res()

@@ -15,7 +15,7 @@ from gaitchain.live.messages import Drive, GoTo
 from gaitchain.service import ros_part
 from gaitchain.service.channel import LoopEnd
 from gaitchain.service.settings import Settings, save_settings
-from gaitchain.walker.waypoints import Place
+from gaitchain.walker.place import Place
 
 
 @contextmanager

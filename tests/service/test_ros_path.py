@@ -12,7 +12,7 @@ from gaitchain.backends.ros.rosbridge_link import RosbridgeLink
 from gaitchain.live.messages import Drive, Going, GoTo, LetGo, Note
 from gaitchain.robot.box_robot import load_box_robot
 from gaitchain.service.ros_path import TOPIC, RosPath
-from gaitchain.walker.waypoints import Place
+from gaitchain.walker.place import Place
 
 RES = load_box_robot("res")
 HERE = Place(1.0, 2.0, math.radians(90.0))

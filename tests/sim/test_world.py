@@ -23,8 +23,8 @@ from gaitchain.sim.world import DISTURBANCES, World
 from gaitchain.sim.world_draws import (
     CLEAR_RADIUS_M,
     SensorNoise,
+    draw_blocks,
     floor_heights,
-    strew_blocks,
 )
 from gaitchain.sim.world_range import WorldRange, trained
 
@@ -255,7 +255,7 @@ def test_fallen_is_from_the_true_vertical(lean_deg, fallen):
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_blocks_cover_a_third_of_the_floor_but_not_the_start(seed):
-    blocks = strew_blocks(World(blocks_m=0.02, seed=seed))
+    blocks = draw_blocks(World(blocks_m=0.02, seed=seed))
     heights, sides = blocks[:, 5], 2.0 * blocks[:, 3:5]
     assert heights.min() > 0.0
     assert 0.019 < heights.max() <= 0.02
@@ -270,11 +270,11 @@ def test_blocks_cover_a_third_of_the_floor_but_not_the_start(seed):
 
 
 def test_blocks_follow_the_seed_and_scale_with_the_height():
-    low, high = (strew_blocks(World(blocks_m=h, seed=5)) for h in (0.01, 0.02))
+    low, high = (draw_blocks(World(blocks_m=h, seed=5)) for h in (0.01, 0.02))
     np.testing.assert_array_equal(low[:, :5], high[:, :5])
     np.testing.assert_allclose(2.0 * low[:, 5], high[:, 5])
-    assert not np.array_equal(low, strew_blocks(World(blocks_m=0.01, seed=6)))
-    assert len(strew_blocks(World())) == 0
+    assert not np.array_equal(low, draw_blocks(World(blocks_m=0.01, seed=6)))
+    assert len(draw_blocks(World())) == 0
 
 
 def test_the_blocks_of_the_model_are_where_they_are_said_to_be():
@@ -288,7 +288,7 @@ def test_the_blocks_of_the_model_are_where_they_are_said_to_be():
         origin, down = np.array([x, y, 1.0]), np.array([0.0, 0.0, -1.0])
         ray = (backend.model, backend.data, origin, down, None, 1, -1, hit)
         found.append(1.0 - mujoco.mj_ray(*ray))
-    expected = floor_heights(strew_blocks(world), points)
+    expected = floor_heights(draw_blocks(world), points)
     np.testing.assert_allclose(found, expected, atol=1e-9)
     assert np.count_nonzero(expected) > 50
 
@@ -296,7 +296,7 @@ def test_the_blocks_of_the_model_are_where_they_are_said_to_be():
 def test_the_robot_stands_on_blocks():
     world = World(blocks_m=0.01, friction=0.7)
     under_left = np.column_stack([np.linspace(1.0, 5.0, 100), np.full(100, 0.1)])
-    high = floor_heights(strew_blocks(world), under_left).argmax()
+    high = floor_heights(draw_blocks(world), under_left).argmax()
     backend = MujocoBackend(RES, world)
     backend.connect(BENT)
     backend.data.qpos[0] = under_left[high, 0]

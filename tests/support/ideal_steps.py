@@ -4,8 +4,8 @@ import numpy as np
 
 from gaitchain.gait.step_target import Step
 from gaitchain.walker.generator import ChainState
+from gaitchain.walker.place import Place
 from gaitchain.walker.stride_generator import StrideGenerator
-from gaitchain.walker.waypoints import Place
 
 _UPCOMING = 2  # phases from the middle of a step to that of the next one
 

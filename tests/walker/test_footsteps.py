@@ -12,8 +12,9 @@ from gaitchain.gait.library_file import load_library
 from gaitchain.messages import Command
 from gaitchain.sim.world import World
 from gaitchain.walker.footsteps import Footstep, landing_from
+from gaitchain.walker.place import Place
 from gaitchain.walker.walker import Walker
-from gaitchain.walker.waypoints import Near, Place
+from gaitchain.walker.waypoints import Near
 
 LIBRARY = load_library("src/gaitchain/data/res.gait")
 HUGE = 10**400

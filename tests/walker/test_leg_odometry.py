@@ -14,8 +14,8 @@ from gaitchain.gait.slide import Slide, Slides
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import Command
 from gaitchain.walker.leg_odometry import LegOdometry
+from gaitchain.walker.place import Place
 from gaitchain.walker.walker import Walker
-from gaitchain.walker.waypoints import Place
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import pytest
 from gaitchain.errors import CommandError
 from gaitchain.gait.get_up import GetUp, TimedPose, Way
 from gaitchain.messages import GRAVITY, Sensors
-from gaitchain.walker.riser import NEAR, TRIES, Riser, Rising
+from gaitchain.walker.riser import STANDS_WITHIN, TRIES, Riser, Rising
 
 FRONT, BACK = (0.5, -0.5), (-0.7, 0.7)
 STAND = (0.1, 0.1)
@@ -123,7 +123,7 @@ def test_who_stands_already_is_up():
     assert (rises.state, rises.side) == (Rising.UP, None)
 
 
-@pytest.mark.parametrize("joints", [(2.0, 2.0), (0.1, 0.1 + 1.01 * NEAR)])
+@pytest.mark.parametrize("joints", [(2.0, 2.0), (0.1, 0.1 + 1.01 * STANDS_WITHIN)])
 def test_who_kneels_or_sits_upright_is_not_up(joints):
     """Its joints do not reach the pose that it was to stand in."""
     rises = riser()
@@ -141,12 +141,12 @@ def test_who_kneels_or_sits_upright_is_not_up(joints):
 @pytest.mark.parametrize("silent", [np.nan, 1e30])
 def test_a_joint_that_gives_with_the_weight_or_says_nothing_is_up(silent):
     rises = riser()
-    play(rises, lambda _: UPRIGHT, (0.1 + 0.99 * NEAR, silent))
+    play(rises, lambda _: UPRIGHT, (0.1 + 0.99 * STANDS_WITHIN, silent))
     assert rises.state is Rising.UP
 
 
 def test_who_lies_in_another_pose_than_it_stands_in_is_not_up_there():
-    bent = (0.1, 0.2 + NEAR)
+    bent = (0.1, 0.2 + STANDS_WITHIN)
     known = {"front": way(FRONT), "back": way(BACK)}
     rises = Riser(GetUp("toy", "f", ("left", "right"), bent, known))
     play(rises, lambda _: UPRIGHT, bent)

@@ -17,8 +17,9 @@ from gaitchain.errors import CommandError
 from gaitchain.gait.command_range import CommandRange
 from gaitchain.messages import Command
 from gaitchain.sim.world import World
+from gaitchain.walker.place import Place
 from gaitchain.walker.walker import Walker
-from gaitchain.walker.waypoints import Near, Place, Way, check_way, near_of, steer
+from gaitchain.walker.waypoints import Near, Way, check_way, near_of, steer
 
 MOST = CommandRange((-0.3, 0.6), (-0.1, 0.1), (-0.7, 0.7))
 SLOW_S = 0.7

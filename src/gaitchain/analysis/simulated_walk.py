@@ -14,8 +14,9 @@ from gaitchain.errors import CommandError
 from gaitchain.gait.schedule import Schedule, counts_steps, due_commands, step_commands
 from gaitchain.messages import CONTROL_PERIOD_S, Array, Command
 from gaitchain.walker.gait import EndedStep
+from gaitchain.walker.place import Place
 from gaitchain.walker.walker import Walker
-from gaitchain.walker.waypoints import Near, Place, Way
+from gaitchain.walker.waypoints import Near, Way
 
 SETTLE_S = 1.0
 """Standing time before the first and after the last step [s]."""

@@ -7,8 +7,8 @@ from gaitchain.analysis.simulated_walk import Walked, WatchedLoop
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.gait.schedule import Segment
 from gaitchain.messages import CONTROL_PERIOD_S, Array
+from gaitchain.walker.place import Place
 from gaitchain.walker.walker import Walker
-from gaitchain.walker.waypoints import Place
 
 
 class Way(NamedTuple):

@@ -31,7 +31,7 @@ _FREE, _HINGE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_HINGE
 _PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
 _FAR = 10.0  # largest distance at which a floor is found below a foot [m]
 _HELD_DAMPING = 0.8  # damping ratio of joints outside the legs
-NEAR = 0.01
+SOLE_DEPTH_M = 0.01
 """Height above a sole's lowest geom up to which others are of it [m]."""
 _NAMED = 6  # joints that a message names
 
@@ -166,7 +166,7 @@ class ModelBackend(SimulatedMotors):
     def touching(self) -> list[int]:
         """Geoms that touch the floor, or nearly so, where the robot stands."""
         above = self.above_floor()
-        least = min(above) + NEAR
+        least = min(above) + SOLE_DEPTH_M
         pairs = zip(self._contacts, above, strict=True)
         return [own for (own, _), height in pairs if height < least]
 

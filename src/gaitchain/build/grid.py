@@ -16,7 +16,7 @@ from gaitchain.chain.sampling import cover_once
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Schedule
 from gaitchain.sim.push import Punches, Push
-from gaitchain.sim.robot_faults import doubted
+from gaitchain.sim.robot_faults import doubt_field
 from gaitchain.sim.world import DISTURBANCES, World
 from gaitchain.walker.policy_table import safe_pairs
 
@@ -188,7 +188,7 @@ def grid_world(
         scale_ns: m sqrt(g h), the unit of the pushes [N s].
     """
     rng = np.random.default_rng((entropy, *job.key))
-    numbers: dict[str, Any] = dict(job.cell.numbers) | doubted(library.robot)
+    numbers: dict[str, Any] = dict(job.cell.numbers) | doubt_field(library.robot)
     impulse_ns, step_s = numbers.pop("push", 0.0) * scale_ns, library.timing.step
     every_s, seconds = max(_PUSH_EVERY_S, 2.0 * step_s), _duration_s(job.walk, step_s)
     times = [at + rng.random() for at in np.arange(_FIRST_PUSH_S, seconds, every_s)]

@@ -27,7 +27,7 @@ from gaitchain.gait.keypose.presets import PRESETS, draw_candidates
 from gaitchain.gait.keypose.weight_shift import weight_shift
 from gaitchain.gait.motion import Timing
 from gaitchain.messages import Array
-from gaitchain.sim.robot_faults import unsure
+from gaitchain.sim.robot_faults import unsure_fields
 from gaitchain.sim.world import World
 from gaitchain.sim.world_range import WorldRange
 
@@ -78,7 +78,7 @@ class KeyPoseBuild(GaitBuild):
 
         What is left unknown of an identified robot is drawn, too.
         """
-        return WorldRange(speed_limit_deg_s=speed_limit, **unsure(poses.robot))
+        return WorldRange(speed_limit_deg_s=speed_limit, **unsure_fields(poses.robot))
 
     def trial_worlds(self) -> tuple[WorldRange, Mapping[str, Any]]:
         """See `GaitBuild`; as in training, but for what is unknown of a robot."""

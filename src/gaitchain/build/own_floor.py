@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from gaitchain.backends.model import NEAR, ModelBackend
+from gaitchain.backends.model import SOLE_DEPTH_M, ModelBackend
 from gaitchain.discover.load import is_mjcf
 
 _NAME = "gaitchain_floor"
@@ -31,7 +31,7 @@ class SoleContacts(NamedTuple):
     """Time constant, the largest of them [s]."""
 
 
-def lay_floor(spec: Any, path: Path) -> None:
+def add_floor(spec: Any, path: Path) -> None:
     """Add a floor that leaves contacts to the robot's geoms.
 
     Args:
@@ -90,7 +90,7 @@ def _own_floor(path: Path) -> tuple[list[_Bits], dict[str, dict[str, Any]]]:
 def sole_contacts(backend: ModelBackend) -> SoleContacts:
     """Return how the soles of a robot touch the floor, which it sinks into for this."""
     model, data, soles = backend.model, backend.data, backend.touching
-    data.qpos[backend.in_model.free + 2] -= NEAR
+    data.qpos[backend.in_model.free + 2] -= SOLE_DEPTH_M
     mujoco.mj_forward(model, data)
     geoms = data.contact.geom
     floored = (model.geom_type[geoms] == _PLANE).any(axis=1)

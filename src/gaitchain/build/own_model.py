@@ -21,7 +21,7 @@ import numpy as np
 
 from gaitchain.backends.actuators import BY_JOINT
 from gaitchain.backends.model import OfRobot, OtherRobotError
-from gaitchain.build.own_floor import lay_floor
+from gaitchain.build.own_floor import add_floor
 from gaitchain.discover.catalogue import find_robot_file
 from gaitchain.discover.isolate import drop_actuators
 from gaitchain.discover.load import load_model
@@ -29,8 +29,8 @@ from gaitchain.discover.tendons import pulling_at
 from gaitchain.errors import CommandError, RobotFileError
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY
 from gaitchain.robot.robot import Robot
-from gaitchain.sim.overlaps import part_overlaps
-from gaitchain.sim.scene import misbuild, shift_com
+from gaitchain.sim.overlaps import exclude_overlaps
+from gaitchain.sim.scene import add_link_errors, shift_com
 from gaitchain.sim.stability import (
     explicit_damping,
     most_damping,
@@ -55,7 +55,7 @@ def own_model(file: str | Path, robot: Robot, world: World) -> mujoco.MjModel:
     drop_actuators(spec, pulling_at(spec, robot.legs.joint_names))
     _drive_all(spec, robot)
     shift_com(spec.bodies[1], world)
-    misbuild(spec, world)
+    add_link_errors(spec, world)
     return spec.compile()
 
 
@@ -83,7 +83,7 @@ def model_digest(model: mujoco.MjModel) -> str:
     return hashlib.sha256(content.tobytes()).hexdigest()
 
 
-def calm(model: mujoco.MjModel) -> str:
+def use_implicit_integrator(model: mujoco.MjModel) -> str:
     """Let a model be integrated implicitly that its servos' damping would shake.
 
     Returns:
@@ -125,7 +125,7 @@ class OwnSpec(NamedTuple):
     spec: Any
     """Its `mujoco.MjSpec`."""
     parted: tuple[tuple[str, str], ...]
-    """Links that pass through each other, see `part_overlaps`."""
+    """Links that pass through each other, see `exclude_overlaps`."""
     step: str
     """Why its time step is not the file's; empty if it is."""
 
@@ -150,8 +150,8 @@ def _load(path: Path, changed_ns: int, stand: tuple[tuple[str, float], ...]) -> 
     del changed_ns
     spec = load_model(path).spec
     _weigh(spec)
-    parted = part_overlaps(spec, dict(stand))
-    lay_floor(spec, path)
+    parted = exclude_overlaps(spec, dict(stand))
+    add_floor(spec, path)
     return OwnSpec(spec, parted, _fit_step(spec))
 
 

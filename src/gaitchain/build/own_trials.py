@@ -15,7 +15,12 @@ from gaitchain.analysis.simulated_walk import run_unrecorded
 from gaitchain.backends.model import ModelBackend, OfRobot
 from gaitchain.build.jobs import run_jobs
 from gaitchain.build.own_floor import SoleContacts, sole_contacts
-from gaitchain.build.own_model import calm, of_its_file, own_model, own_spec
+from gaitchain.build.own_model import (
+    of_its_file,
+    own_model,
+    own_spec,
+    use_implicit_integrator,
+)
 from gaitchain.build.trial import Trial, TrialRun, draw_schedule, draw_world
 from gaitchain.build.workers import available_cores
 from gaitchain.discover.servos import sum_actuators
@@ -227,7 +232,7 @@ def _backend(library: OfRobot, file: str | Path, world: World) -> _Tracked:
     with of_its_file(file, library):
         model = own_model(file, library.robot, world)
         backend = _Tracked(model, library, servo_gain=world.servo_gain)
-        backend.integrator = calm(backend.model)
+        backend.integrator = use_implicit_integrator(backend.model)
         backend.gains = _replaced_gains(model, library.robot.legs)
         return backend
 

@@ -35,7 +35,7 @@ from gaitchain.gait.stride.shape import BOX_SHAPE, MODEL_SHAPE, StrideShape
 from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import GRAVITY, Array
 from gaitchain.robot.robot import Robot
-from gaitchain.sim.robot_faults import unsure
+from gaitchain.sim.robot_faults import unsure_fields
 from gaitchain.sim.world import DISTURBANCES, World
 from gaitchain.sim.world_range import WorldRange, trained
 
@@ -82,7 +82,7 @@ class StrideBuild(GaitBuild):
         share = DISTURBANCES["push"].strides.trained
         assert isinstance(share, float)
         push_ns = share * poses.robot.reduced.mass * math.sqrt(GRAVITY * height)
-        numbers = trained(balanced=True) | unsure(poses.robot)
+        numbers = trained(balanced=True) | unsure_fields(poses.robot)
         return WorldRange(push_ns, speed_limit, **numbers)
 
     def trial_worlds(self) -> tuple[WorldRange, Mapping[str, Any]]:

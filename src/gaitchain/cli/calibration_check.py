@@ -127,7 +127,7 @@ def _compared(
         return _Compared(name, joint.id, None, None, *ends, None, None, silent)
     found = bus.make.models.get(model)
     angle = angle_of(joint, bus.make.measured(tables.present)[2])
-    heat, volts = bus.make.heat(tables.supply)
+    heat, volts = bus.make.supply_state(tables.supply)
     kind = f"model {model}" if found is None else found.name
     return _Compared(
         joint=name,

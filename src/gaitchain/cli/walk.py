@@ -61,8 +61,8 @@ from gaitchain.messages import Command
 from gaitchain.robot.reduced_biped import is_boxes
 from gaitchain.sim.model import build_model
 from gaitchain.sim.world import World
+from gaitchain.walker.place import Place
 from gaitchain.walker.walker import Walker
-from gaitchain.walker.waypoints import Place
 
 _ROBOT = "res"
 _RUNNERS_UP = 3  # number of other candidates of each decision in walk.json

@@ -12,7 +12,7 @@ from gaitchain.cli.console import print_table
 from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Schedule, Segment
-from gaitchain.walker.waypoints import Place
+from gaitchain.walker.place import Place
 
 _LEAST_S = 0.01  # of a segment that was walked
 _FURTHEST = 1000.0  # m, deg

@@ -40,7 +40,7 @@ def figure_9(
     """Render the walk at the key moments of two cycles, with the measured ZMP (Fig. 9).
 
     Arguments, result and errors are those of `figure_8`; `looks` are the robot's
-    visible shapes, see `sim.looks.wear`.
+    visible shapes, see `sim.looks.add_shapes`.
 
     Raises:
         RenderError: off-screen rendering is not available.
@@ -72,7 +72,7 @@ def draw_portrait(robot: Robot, looks: Sequence[Look] = ()) -> Image:
 
     Args:
         robot: the robot.
-        looks: its visible shapes, see `sim.looks.wear`.
+        looks: its visible shapes, see `sim.looks.add_shapes`.
 
     Raises:
         RenderError: off-screen rendering is not available.

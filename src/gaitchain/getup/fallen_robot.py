@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from gaitchain.backends.model import ModelBackend
-from gaitchain.build.own_model import calm, own_model
+from gaitchain.build.own_model import own_model, use_implicit_integrator
 from gaitchain.errors import CommandError
 from gaitchain.gait.get_up import Side, Way, way_targets
 from gaitchain.gait.library import GaitLibrary
@@ -93,7 +93,7 @@ class FallenRobot:
                 "an MJCF or URDF file can, by a library built from that file"
             )
         self.backend = ModelBackend(own_model(file, library.robot, World()), library)
-        calm(self.backend.model)
+        use_implicit_integrator(self.backend.model)
         names = self.backend.joint_names
         self.stand = Walker(library, require_qualified=False, joint_names=names).stand
         self._leg = library.robot.reduced.leg_length

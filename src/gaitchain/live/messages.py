@@ -25,7 +25,7 @@ from gaitchain.sim.push import Push
 from gaitchain.sim.world import Arms
 from gaitchain.walker.footsteps import Footstep
 from gaitchain.walker.odometry import Odometry
-from gaitchain.walker.waypoints import Place
+from gaitchain.walker.place import Place
 
 
 class Mode(StrEnum):

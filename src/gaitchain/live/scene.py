@@ -15,7 +15,7 @@ from gaitchain.messages import Array
 from gaitchain.robot.feet import FootFinder
 from gaitchain.robot.robot import Robot
 from gaitchain.robot.turn import quaternion
-from gaitchain.walker.waypoints import Place
+from gaitchain.walker.place import Place
 
 Point = tuple[float, float]
 _BASE = 7  # generalised positions of the trunk

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from gaitchain.errors import CommandError
 from gaitchain.live.messages import Errand, Going, GoTo
-from gaitchain.walker.waypoints import Near, Place, check_place, check_way, near_of
+from gaitchain.walker.place import Place, check_place
+from gaitchain.walker.waypoints import Near, check_way, near_of
 
 if TYPE_CHECKING:  # which needs machine code, the checks here do not
     from gaitchain.walker.walker import Walker

@@ -10,7 +10,7 @@ import numpy as np
 
 from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.backends.whole_body import WholeBodyBackend
-from gaitchain.build.own_model import calm, of_its_file, own_model
+from gaitchain.build.own_model import of_its_file, own_model, use_implicit_integrator
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.zmp import LEAST_LOAD
 from gaitchain.messages import GRAVITY, Array
@@ -98,7 +98,7 @@ def stage_of(library: GaitLibrary, own_file: Path | None = None) -> Stage:
         return _skeleton(library)
     with of_its_file(own_file, library):
         model = own_model(own_file, library.robot, World())
-        calm(model)
+        use_implicit_integrator(model)
         return _own(WholeBodyBackend(model, library), library)
 
 

@@ -38,8 +38,9 @@ from gaitchain.service.schemas import (
 )
 from gaitchain.sim.bodies import ANY_BODY, check_body
 from gaitchain.walker.footsteps import Footstep, check_footsteps
+from gaitchain.walker.place import Place
 from gaitchain.walker.stride_generator import StrideGenerator
-from gaitchain.walker.waypoints import Place, check_way, near_of
+from gaitchain.walker.waypoints import check_way, near_of
 
 _Act = type[Start | Stop | Rest | Reset | GetUp | EmergencyStop | LetGo]
 _ACTS: dict[str, _Act] = {

@@ -143,11 +143,15 @@ def _in_own_model(
     file: str, library: GaitLibrary, world: World, period_s: float
 ) -> Backend:
     from gaitchain.backends.whole_body import WholeBodyBackend
-    from gaitchain.build.own_model import calm, of_its_file, own_model
+    from gaitchain.build.own_model import (
+        of_its_file,
+        own_model,
+        use_implicit_integrator,
+    )
 
     with of_its_file(file, library):
         model = own_model(file, library.robot, world)
-        calm(model)
+        use_implicit_integrator(model)
         return WholeBodyBackend(model, library, period_s)
 
 

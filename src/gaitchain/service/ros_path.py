@@ -9,7 +9,7 @@ from gaitchain.backends.ros import messages as ros
 from gaitchain.errors import CommandError
 from gaitchain.live.messages import Drive, GoTo, LetGo, Note, Request, Telemetry
 from gaitchain.live.trip import check_count
-from gaitchain.walker.waypoints import Place, check_place
+from gaitchain.walker.place import Place, check_place
 
 TOPIC = "/gaitchain/path"
 _ODOM, _BASE = ("", "odom"), ("base_link", "base_footprint")

@@ -24,7 +24,7 @@ from gaitchain.robot.robot import Robot
 from gaitchain.sim.looks import Look
 from gaitchain.sim.model import build_model
 from gaitchain.sim.scene_meshes import BLUE, RED, WORLD, draw_bodies, segments
-from gaitchain.walker.waypoints import Place
+from gaitchain.walker.place import Place
 
 if TYPE_CHECKING:
     from viser import (
@@ -83,7 +83,7 @@ class LiveView:
         server.on_client_disconnect(self._forget_client)
 
     def wear(self, looks: Sequence[Look]) -> None:
-        """Draw the robot in its own shapes, see `sim.looks.wear`; () is no change."""
+        """Draw the robot in its own shapes, see `sim.looks`; () is no change."""
         if not looks or self._own:
             return
         standing = self._data

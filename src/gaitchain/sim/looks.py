@@ -53,7 +53,7 @@ class Look(NamedTuple):
     """Of a mesh."""
 
 
-def wear(spec: Any, robot: Robot, looks: Sequence[Look]) -> None:
+def add_shapes(spec: Any, robot: Robot, looks: Sequence[Look]) -> None:
     """Show shapes in place of all geoms of a robot.
 
     Args:

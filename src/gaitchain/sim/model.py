@@ -10,10 +10,16 @@ from gaitchain.robot.kinematics import link_boxes, link_inertias, link_masses
 from gaitchain.robot.reduced_biped import ReducedBiped
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.bodies import BOXES, SIDES
-from gaitchain.sim.looks import Look, wear
-from gaitchain.sim.scene import add_imu, add_servo, misbuild, new_scene, shift_com
+from gaitchain.sim.looks import Look, add_shapes
+from gaitchain.sim.scene import (
+    add_imu,
+    add_link_errors,
+    add_servo,
+    new_scene,
+    shift_com,
+)
 from gaitchain.sim.skeleton import add_skeleton
-from gaitchain.sim.waist import loosen_waist
+from gaitchain.sim.waist import split_trunk_at_waist
 from gaitchain.sim.world import World
 from gaitchain.sim.world_draws import draw_imu_place, draw_imu_tilt
 
@@ -41,8 +47,8 @@ def build_model(
         robot: the robot; a full robot is built with all joints but those of the legs
             held still.
         world: floor, servos and link errors; the nominal world by default.
-        looks: shapes in which it is drawn, see `looks.wear`; by default it is seen as
-            it is simulated.
+        looks: shapes in which it is drawn, see `looks.add_shapes`; by default it is
+            seen as it is simulated.
 
     Returns:
         The compiled model; its free joint comes first, then the left leg's joints from
@@ -61,11 +67,11 @@ def build_model(
     else:
         add_skeleton(spec, trunk, robot, world)
     shift_com(trunk, world)
-    loosen_waist(trunk, robot.reduced.leg_length, world)
+    split_trunk_at_waist(trunk, robot.reduced.leg_length, world)
     add_imu(spec)
     if looks is not None:
-        wear(spec, robot, looks)
-    misbuild(spec, world)
+        add_shapes(spec, robot, looks)
+    add_link_errors(spec, world)
     return spec.compile()
 
 

@@ -123,7 +123,7 @@ class OutsideForces:
                 self._model.body_mass[self._bodies[name]] += share * mass
             # What follows from the masses; it needs data of its own to work in.
             mujoco.mj_setConst(self._model, mujoco.MjData(self._model))
-            self._truth.weigh()
+            self._truth.update_weight()
 
     def _swing_arms(self) -> None:
         """Let the arms act on the part of the trunk that has the shoulders."""

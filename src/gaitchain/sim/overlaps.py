@@ -15,7 +15,7 @@ _SCALAR = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 _BODY = "gaitchain_body_{}"
 
 
-def part_overlaps(
+def exclude_overlaps(
     spec: Any, positions: Mapping[str, float]
 ) -> tuple[tuple[str, str], ...]:
     """Let links pass through each other that overlap in a pose.

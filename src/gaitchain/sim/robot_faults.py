@@ -65,7 +65,7 @@ def likely_robot(robot: Robot, world: World) -> Robot:
     return robot.as_identified(found.moved(doubt * by))
 
 
-def unsure(robot: Robot) -> dict[str, float]:
+def unsure_fields(robot: Robot) -> dict[str, float]:
     """Return fields of `World` for what is left unknown of an identified robot.
 
     It is drawn as the log leaves it, play, friction and delays too. What other robots
@@ -74,15 +74,15 @@ def unsure(robot: Robot) -> dict[str, float]:
     """
     if robot.identified is None:
         return {}
-    return dict.fromkeys(_FOUND, 0.0) | doubted(robot)
+    return dict.fromkeys(_FOUND, 0.0) | doubt_field(robot)
 
 
-def doubted(robot: Robot) -> dict[str, float]:
-    """Return the field of `unsure` that is not 0; none where nothing was identified."""
+def doubt_field(robot: Robot) -> dict[str, float]:
+    """Return the one of `unsure_fields` that is not 0, if anything was identified."""
     return {} if robot.identified is None else {"doubt": 1.0}
 
 
-def plays(robot: Robot, world: World) -> Array:
+def backlash_of(robot: Robot, world: World) -> Array:
     """Return the play of the gears in a world, from end to end, (2 n,) [rad]."""
     play = np.full(len(robot.legs.joint_names), world.backlash_deg)
     if robot.identified is not None:

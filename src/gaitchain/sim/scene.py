@@ -11,10 +11,10 @@ from gaitchain.messages import GRAVITY, Array
 from gaitchain.robot.leg_model import LegModel
 from gaitchain.sim.world import World
 from gaitchain.sim.world_draws import (
+    draw_blocks,
     draw_com_shift,
     draw_gains,
     draw_link_errors,
-    strew_blocks,
 )
 
 _BLOCK_COLOUR = (0.72, 0.74, 0.7, 1)
@@ -73,7 +73,7 @@ def _add_surroundings(spec: Any, world: World) -> None:
 def _add_blocks(spec: Any, world: World) -> None:
     # Boxes simulate faster than a height field and have vertical sides; on the world
     # body they are static.
-    for i, (x, y, yaw, *half, height) in enumerate(strew_blocks(world)):
+    for i, (x, y, yaw, *half, height) in enumerate(draw_blocks(world)):
         depth = 0.5 * (_BLOCK_DEPTH + height)
         spec.worldbody.add_geom(
             name=f"block_{i}",
@@ -182,7 +182,7 @@ def shift_com(trunk: Any, world: World) -> None:
         trunk.ipos = trunk.ipos + draw_com_shift(world)
 
 
-def misbuild(spec: Any, world: World) -> None:
+def add_link_errors(spec: Any, world: World) -> None:
     """Add errors to the mass, inertia and CoM of every link."""
     if not world.model_error:
         return

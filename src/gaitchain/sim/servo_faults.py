@@ -33,7 +33,7 @@ import numpy as np
 from gaitchain.balance.compiled import compiled
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
-from gaitchain.sim.robot_faults import encoder_offsets, plays
+from gaitchain.sim.robot_faults import backlash_of, encoder_offsets
 from gaitchain.sim.world import World
 from gaitchain.sim.world_draws import (
     JITTER_STREAM,
@@ -137,7 +137,7 @@ class ServoFaults:
         gains = draw_gains(world, count)
         most = np.array(model.actuator_forcerange[:, 1])
         speeds = np.array([world.motor_speed(own) for own in legs.speed_limit])
-        play = 0.5 * plays(robot, world)
+        play = 0.5 * backlash_of(robot, world)
         self._servos = np.array(
             [
                 legs.stiffness * gains,

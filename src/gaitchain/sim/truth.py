@@ -10,7 +10,7 @@ from gaitchain.gait.zmp import LEAST_LOAD, zmp_of_wrench
 from gaitchain.messages import GRAVITY, Array
 from gaitchain.sim.stability import divergences
 from gaitchain.sim.world import World
-from gaitchain.sim.world_draws import floor_heights, strew_blocks
+from gaitchain.sim.world_draws import draw_blocks, floor_heights
 
 FALL_HEIGHT = 0.65
 """Part of the base's standing height; a robot below it has fallen."""
@@ -33,10 +33,10 @@ class SimulatorTruth:
     ) -> None:
         """Keep the model and its data, whose memory must not be reallocated."""
         self.model, self.data = model, data
-        self._blocks = strew_blocks(world)
+        self._blocks = draw_blocks(world)
         self._up_x, _, self._up_z = world.up
         self._standing = 0.0
-        self.weigh()
+        self.update_weight()
         self.feet = [model.body(f"{s}_foot").id for s in ("left", "right")]
         """Bodies of the left and the right foot."""
         self._soles = _sole_geoms(model)
@@ -47,7 +47,7 @@ class SimulatorTruth:
         self._quaternion, self._wrenches = data.qpos[3:7], data.cfrc_ext
         self._divergences = divergences(data)
 
-    def weigh(self) -> None:
+    def update_weight(self) -> None:
         """Take note of the robot's weight, again where it has changed."""
         self._weight = float(self.model.body_mass.sum()) * GRAVITY
 

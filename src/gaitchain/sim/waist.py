@@ -33,7 +33,7 @@ def trunk_parts(world: World) -> dict[str, float]:
     return {"trunk": 1.0 - _UPPER, "upper": _UPPER}
 
 
-def loosen_waist(trunk: Any, leg: float, world: World) -> None:
+def split_trunk_at_waist(trunk: Any, leg: float, world: World) -> None:
     """Cut the trunk in two parts, if the world's waist gives way.
 
     Args:

@@ -421,7 +421,7 @@ class World:
             strides=Exposure(None, (0.003,), (0.006, 0.01)),
         ),
     ] = 0.0
-    """0 for no blocks; see `strew_blocks`."""
+    """0 for no blocks; see `draw_blocks`."""
     slope_deg: Annotated[
         float,
         Disturbance(

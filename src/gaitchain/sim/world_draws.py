@@ -87,7 +87,7 @@ def draw_com_shift(world: World) -> Array:
     return stream_of(world, _COM).uniform(-world.com_m, world.com_m, 3)
 
 
-def strew_blocks(world: World) -> Array:
+def draw_blocks(world: World) -> Array:
     """Draw flat blocks on the floor, x from -2 to 12 m and y from -3 to 3 m.
 
     Sides are 0.1 to 0.3 m, headings and positions random, heights uniform up to
@@ -119,7 +119,7 @@ def floor_heights(blocks: Array, points: Array) -> Array:
     """Return the height of the floor, or of the highest block, at points.
 
     Args:
-        blocks: (n, 6) as `strew_blocks` returns them.
+        blocks: (n, 6) as `draw_blocks` returns them.
         points: (..., 2) x, y [m].
 
     Returns:

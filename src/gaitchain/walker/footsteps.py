@@ -10,8 +10,8 @@ import numpy as np
 
 from gaitchain.errors import CommandError
 from gaitchain.gait.step_target import Landing
+from gaitchain.walker.place import Place, check_place
 from gaitchain.walker.stride_generator import StrideGenerator
-from gaitchain.walker.waypoints import Place, check_place
 
 _SIDES = {1.0: "left", -1.0: "right"}
 

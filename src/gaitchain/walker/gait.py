@@ -19,8 +19,8 @@ from gaitchain.messages import (
     Sensors,
 )
 from gaitchain.walker.generator import ChainState, Decision, Generator
+from gaitchain.walker.place import ORIGIN, Place
 from gaitchain.walker.policy_table import Policy
-from gaitchain.walker.waypoints import ORIGIN, Place
 
 if TYPE_CHECKING:  # which is machine code, a gait's record is not
     from gaitchain.balance.feedforward import Effort

@@ -31,8 +31,8 @@ Motion = tuple[float, float, float]
 """Motion of the point midway between the feet in one step: ahead [m], to the left [m],
 turn to the left [rad]."""
 
-NONE: Motion = (0.0, 0.0, 0.0)
-NOWHERE = Landing(0.0, 0.0, 0.0)
+NO_MOTION: Motion = (0.0, 0.0, 0.0)
+BESIDE = Landing(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -49,17 +49,17 @@ class ChainState:
     """Pose in which this step is to end."""
     left_support: bool = True
     """Whether the left leg is the support leg."""
-    asked: Motion = NONE
+    asked: Motion = NO_MOTION
     """Motion that the command requests of this step."""
-    owed: Motion = NONE
+    owed: Motion = NO_MOTION
     """Residual: motion requested of earlier steps that they did not make."""
-    missed: Motion = NONE
+    missed: Motion = NO_MOTION
     """What a stride ahead misses each time, per leg of its length; learned."""
     ends: tuple[tuple[int, float], ...] = ()
     """(pose, cost) in which the step may end; see `Decision.ends`."""
     expected: tuple[float, ...] = ()
     """Parts of these costs; see `Decision.expected`."""
-    landing: Landing = NOWHERE
+    landing: Landing = BESIDE
     """Desired landing of the swing foot, for strides; a key pose contains its own."""
 
 
@@ -194,7 +194,7 @@ class Generator(ABC):
         if state.layer == 0:
             if self.stays(state, command):
                 standing = Decision(0, STAND, 0.0, (), STAND, 0.0)
-                rest = replace(state, target=STAND, asked=NONE, owed=NONE)
+                rest = replace(state, target=STAND, asked=NO_MOTION, owed=NO_MOTION)
                 return replace(rest, ends=(), expected=()), standing
             request = StepRequest(command, upcoming, made, landing, last)
             state = self.begin_step(state, request)

@@ -20,7 +20,7 @@ from gaitchain.walker.gait import Gait
 from gaitchain.walker.generator import ChainState, Decision
 from gaitchain.walker.keypose_feedback import AnkleBalance, make_balance
 from gaitchain.walker.keypose_generator import KeyposeGenerator
-from gaitchain.walker.waypoints import ORIGIN, Place
+from gaitchain.walker.place import ORIGIN, Place
 
 # Sums of control periods have rounding errors: a key moment this close is reached [s].
 _TIME_SLACK_S = 1e-6

@@ -24,7 +24,7 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.zmp import Support
 from gaitchain.messages import Array
 from gaitchain.walker.odometry import Odometry
-from gaitchain.walker.waypoints import ORIGIN, Place
+from gaitchain.walker.place import ORIGIN, Place
 
 _SMOOTH_S = 0.03  # time constant of the velocity
 # Drift of RES, OP3, T1 and Talos in simulation, by benchmarks/odometry_drift.py --seed

@@ -15,7 +15,7 @@ from gaitchain.walker.sensor_check import LIMITS, below
 
 TRIES = 3
 """How often it is tried."""
-NEAR = math.radians(15.0)
+STANDS_WITHIN = math.radians(15.0)
 """Joints that stand are all within this of the pose to stand in [rad]. Half of what the
 loop's guard takes for a joint that does not follow: a robot that is up has to be able
 to walk. OP3's joints are within 0.04 rad in its model; knees that kneel are bent by
@@ -129,7 +129,9 @@ class Riser:
     def _is_straight(self, joint_position: Array) -> bool:
         """Whether the joints are as it stands: a kneeling robot is upright, too."""
         off = np.abs(joint_position - self._stands)
-        far = (off > NEAR) & (np.abs(joint_position) < LIMITS["joint_position"])
+        far = (off > STANDS_WITHIN) & (
+            np.abs(joint_position) < LIMITS["joint_position"]
+        )
         return not far.any(axis=1).all()
 
     @property

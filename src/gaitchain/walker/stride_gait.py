@@ -18,10 +18,10 @@ from gaitchain.messages import Array, Command, JointTargets, PanelMessage, Senso
 from gaitchain.walker.footsteps import Footstep, check_footsteps, landing_from
 from gaitchain.walker.gait import EndedStep, Gait
 from gaitchain.walker.generator import ChainState
+from gaitchain.walker.place import ORIGIN, Place
 from gaitchain.walker.step_size import StepSize
 from gaitchain.walker.stride_generator import StrideGenerator
 from gaitchain.walker.stride_setup import make_walk
-from gaitchain.walker.waypoints import ORIGIN, Place
 
 _NOTED = 0.9  # of the command: smaller reductions are not reported
 _SMALLEST = 0.01  # part of a command that is left: nothing at all would be a stop

@@ -20,7 +20,7 @@ from gaitchain.gait.stride.strides import StridePoses
 from gaitchain.messages import Array, Command
 from gaitchain.walker.generator import (
     LATE_STOP,
-    NONE,
+    NO_MOTION,
     ChainState,
     Generator,
     Motion,
@@ -218,7 +218,7 @@ class StrideGenerator(Generator):
         owed = self._residual(state, request.made, side)
         asked = self._asked(command, side)
         if command.stops:
-            asked, owed = np.array(NONE), np.array([0.0, 0.0, owed[2]])
+            asked, owed = np.array(NO_MOTION), np.array([0.0, 0.0, owed[2]])
         stride = float(asked[0]) / self._leg
         missed = self._learned(state.missed, owed, stride)
         more = _PAID_AT_ONCE * owed + stride * missed
@@ -249,8 +249,8 @@ class StrideGenerator(Generator):
             target=target,
             ends=(),
             expected=(),
-            asked=NONE,
-            owed=NONE,
+            asked=NO_MOTION,
+            owed=NO_MOTION,
             landing=landing,
         )
 

@@ -35,6 +35,7 @@ from gaitchain.walker.lying import Lying
 from gaitchain.walker.motor_targets import MotorForm
 from gaitchain.walker.mounting import Mounting
 from gaitchain.walker.odometry import Odometry
+from gaitchain.walker.place import ORIGIN, Place
 from gaitchain.walker.policy_table import Policy
 from gaitchain.walker.sensor_check import (
     LIMITS,
@@ -46,7 +47,7 @@ from gaitchain.walker.sensor_check import (
 from gaitchain.walker.stride_gait import StrideGait
 from gaitchain.walker.target_check import TargetCheck
 from gaitchain.walker.warm_up import warm_up
-from gaitchain.walker.waypoints import ORIGIN, Near, Place, Way, check_way
+from gaitchain.walker.waypoints import Near, Way, check_way
 
 _LIMITS = np.array(list(LIMITS.values()))
 _GAITS: dict[str, type[KeyposeGait] | type[StrideGait]] = {

@@ -13,43 +13,14 @@ from gaitchain.gait.command_range import CommandRange
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.limits import is_real
 from gaitchain.messages import Command
+from gaitchain.walker.place import Place, check_place
 
-
-class Place(NamedTuple):
-    """A place on the floor with a heading: x, y [m] and yaw [rad]."""
-
-    x: float = 0.0
-    """[m]"""
-    y: float = 0.0
-    """[m]"""
-    yaw: float = 0.0
-    """To the left [rad]."""
-
-    def seen_from(self, other: "Place") -> "Place":
-        """Return the place in the frame of another one, ahead and to the left."""
-        dx, dy = self.x - other.x, self.y - other.y
-        cos, sin = math.cos(other.yaw), math.sin(other.yaw)
-        turn = math.remainder(self.yaw - other.yaw, math.tau)
-        return Place(cos * dx + sin * dy, cos * dy - sin * dx, turn)
-
-    def moved(self, ahead: float, left: float) -> "Place":
-        """Return the place that is so far ahead and to the left, same heading [m]."""
-        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
-        return self._replace(
-            x=self.x + cos * ahead - sin * left, y=self.y + sin * ahead + cos * left
-        )
-
-
-ORIGIN = Place()
-"""Where a robot stands at its start."""
 _SLOW = 2.0  # steps: the rest of a way is made in no less
 _NEAR, _NEAR_TURN = 0.02, math.radians(2.0)  # of the leg
-_NEAR_FACING = (
-    0.06  # of a robot that has to face where it goes: a turn moves it by 0.02
-)
+# Of a robot that has to face where it goes: a turn moves it by 0.02.
+_NEAR_FACING = 0.06
 _SURELY = 0.5  # of what is near enough: there a robot stops
 _LEFT = math.sqrt(1.0 - _SURELY**2)  # of it: what may be left beside that
-_FURTHEST_M = 1000.0
 _DIRECTIONS = (
     ("back", "ahead"),
     ("to the right", "to the left"),
@@ -66,25 +37,6 @@ def near_of(library: GaitLibrary) -> "Near":
     ahead, aside, _ = library.command_range.both_ways
     part = _NEAR if ahead and aside else _NEAR_FACING
     return Near(part * library.robot.reduced.leg_length, _NEAR_TURN)
-
-
-def check_place(place: Place, name: str = "goal") -> None:
-    """Refuse a place to which no robot is sent.
-
-    Args:
-        place: the place.
-        name: what it is, for the message.
-
-    Raises:
-        CommandError: it is none, not finite, or further than 1 km away.
-    """
-    if not isinstance(place, Place):
-        raise CommandError(f"{name} {place!r}: give a Place, such as Place(1.0, 0.5)")
-    if not all(is_real(n) and abs(n) <= _FURTHEST_M for n in place):
-        raise CommandError(
-            f"{name} {tuple(place)!r:.80}: x, y and yaw must be numbers within "
-            f"+-{_FURTHEST_M:g} m and rad"
-        )
 
 
 class Near(NamedTuple):

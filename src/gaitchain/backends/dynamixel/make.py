@@ -103,7 +103,7 @@ class Make(ABC):
         """Return what the block `state` says."""
 
     @abstractmethod
-    def heat(self, data: bytes) -> tuple[float, float]:
+    def supply_state(self, data: bytes) -> tuple[float, float]:
         """Return temperature [deg C] and voltage [V] of the block `supply`."""
 
     @abstractmethod
@@ -176,7 +176,7 @@ class Dynamixel(Make):
             tripped=watchdog == table.WATCHDOG_TRIPPED,
         )
 
-    def heat(self, data: bytes) -> tuple[float, float]:
+    def supply_state(self, data: bytes) -> tuple[float, float]:
         """Return temperature [deg C] and voltage [V] of the block `supply`."""
         volts = 0.1 * table.VOLTAGE.unsigned(data, table.SUPPLY)
         return float(table.TEMPERATURE.unsigned(data, table.SUPPLY)), volts

@@ -108,7 +108,7 @@ class ServoWatch:
             return
         self._missed[number] = 0
         if not state:
-            self._heat[number], _ = make.heat(answer.data)
+            self._heat[number], _ = make.supply_state(answer.data)
             return
         found = make.status(answer.data)
         self._errors[number], self._torque[number] = found.errors, found.torque

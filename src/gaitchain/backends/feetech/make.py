@@ -63,7 +63,7 @@ class Feetech(Make):
         torque = table.TORQUE.unsigned(data, table.STATE) == 1
         return State(errors, torque, tripped=False)
 
-    def heat(self, data: bytes) -> tuple[float, float]:
+    def supply_state(self, data: bytes) -> tuple[float, float]:
         """Return temperature [deg C] and voltage [V] of the block `supply`."""
         volts = 0.1 * table.VOLTAGE.unsigned(data, table.STATE)
         return float(table.TEMPERATURE.unsigned(data, table.STATE)), volts
