@@ -144,18 +144,6 @@ def test_a_servo_within_its_play_gives_no_torque():
     assert not backend.loads().any()
 
 
-@pytest.mark.parametrize(("end", "sign"), [("lower", -1.0), ("upper", 1.0)])
-def test_targets_beyond_a_range_are_its_end_within_the_play_too(end, sign):
-    """MuJoCo takes them for the end of the range, where no play is left to push in."""
-    ends = getattr(RES.legs, end)
-    backend = floating(World(backlash_deg=2.0))
-    backend.connect(ends - sign * math.radians(0.9))
-    for _ in range(20):
-        backend.write(ends + sign * 0.5)
-    np.testing.assert_allclose(backend.loads(), 0.0, atol=1e-9)
-    np.testing.assert_allclose(backend.joints, ends - sign * math.radians(0.9))
-
-
 def test_dry_friction_is_more_at_rest():
     world = World(dry_friction=0.05, stiction=0.6)
     backend = floating(world)
@@ -165,35 +153,6 @@ def test_dry_friction_is_more_at_rest():
         backend._servos.act()
         found = backend.model.dof_frictionloss[6 + KNEE]
         assert found == pytest.approx(0.05 * TORQUE * (1.0 + more), rel=1e-3)
-
-
-@pytest.mark.parametrize("timestep", [0.002, 0.0005])
-@pytest.mark.parametrize(
-    ("stiction", "part", "holds"),
-    [
-        (0.0, 0.5, True),
-        (0.0, 0.9, True),
-        (0.0, 1.2, False),
-        (0.6, 1.5, True),
-        (0.6, 1.7, False),
-    ],
-)
-def test_dry_friction_holds_a_limp_joint_up_to_its_own_torque(
-    timestep, stiction, part, holds
-):
-    """Coulomb's law with Stribeck's more at rest: below it nothing moves, for long."""
-    dry = 0.05
-    backend = floating(World(dry_friction=dry, stiction=stiction, timestep=timestep))
-    backend.connect(STRAIGHT)
-    backend.release()
-    torque = part * dry * TORQUE
-    for body, sign in (("left_crus", 1.0), ("left_femur", -1.0)):
-        at = backend.model.body(body).id
-        backend.data.xfrc_applied[at, 4] = sign * torque
-    for _ in range(100):
-        backend.hold()
-    turned = math.degrees(backend.joints[KNEE])
-    assert abs(turned) < 0.2 if holds else turned > 10.0
 
 
 def test_viscous_friction_takes_its_part_at_the_speed_limit():

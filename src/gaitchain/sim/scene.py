@@ -20,9 +20,6 @@ from gaitchain.sim.world_draws import (
 _BLOCK_COLOUR = (0.72, 0.74, 0.7, 1)
 _BLOCK_DEPTH = 0.05  # below the floor, so that contacts push a sole upward [m]
 _IMPEDANCE_RATIO = 10.0  # of friction over normal force; with more, less creep
-# MuJoCo's dry friction is soft: with its own 0.9 and 20 ms a joint that half of it
-# would hold creeps by degrees a second.
-_HOLDING = (0.99, 0.99, 0.001, 0.5, 2.0)
 _WEIGHTLESS = 2e-3  # kg, above what links without mass are given; no errors below it
 
 
@@ -140,8 +137,6 @@ def add_servo(spec: Any, body: Any, legs: LegModel, at: int, world: World) -> No
         limited=mujoco.mjtLimited.mjLIMITED_TRUE,
         armature=legs.armature[at],
         frictionloss=legs.friction_loss[at] + world.dry_friction * torque,
-        solref_friction=[2.0 * world.timestep, 1.0],  # as stiff as MuJoCo allows
-        solimp_friction=_HOLDING,
     )
     actuator = spec.add_actuator(
         name=name,

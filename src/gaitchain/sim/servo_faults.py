@@ -8,8 +8,7 @@ A servo of stiffness kp and damping kv, set-point s and angle q pushes with
 
 MuJoCo's own servo has neither (2) nor (3) nor the torque-speed line of (1), so the
 difference is added as an outside torque, time step by time step. Dry friction is that
-of MuJoCo's joints, so stiff that a joint which it holds turns by less than 0.1 deg/s
-(`scene.add_servo`), and larger at rest by Stribeck's law [Duclusaud24],
+of MuJoCo's joints, larger at rest by Stribeck's law [Duclusaud24],
 
     tau_f = tau_dry (1 + stiction exp(-(q' / v_s)^2))                            (4)
 
@@ -146,7 +145,6 @@ class ServoFaults:
                 world.timestep * model.actuator_dynprm[:, _SLEW],
                 world.no_load * speeds,
                 play,
-                *model.actuator_ctrlrange.T,
             ]
         )
         self._dry = legs.friction_loss + world.dry_friction * most
@@ -211,8 +209,8 @@ def _correct(
     """Write what is missing of (1) to the torque of MuJoCo's servos.
 
     Args:
-        servos: (8, 2 n) kp, kv, torque limit, most that a set-point moves in a time
-            step, speed without load, half the play, ends of the range [rad].
+        servos: (6, 2 n) kp, kv, torque limit, most that a set-point moves in a time
+            step, speed without load, half the play [rad].
         sagging: (2,) sag, and the part of all torque that is used, which is updated.
         aims: (2 n,) set-points [rad].
         targets: (2 n,) [rad].
@@ -223,10 +221,9 @@ def _correct(
     left = 1.0 - sagging[0] * sagging[1]
     used = whole = 0.0
     for j in range(aims.shape[0]):
-        kp, kv, most, slew, no_load, play, lower, upper = servos[:, j]
+        kp, kv, most, slew, no_load, play = servos[:, j]
         # MuJoCo pushes with the set-point that the time step ends with.
-        target = min(max(targets[j], lower), upper)
-        way = min(max(target - aims[j], -slew), slew)
+        way = min(max(targets[j] - aims[j], -slew), slew)
         slack = aims[j] + way - joints[j]
         resisting = kv * rates[j]
         ideal = min(max(kp * slack - resisting, -most), most)

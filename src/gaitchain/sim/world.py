@@ -176,7 +176,8 @@ class World:
     dry_friction: Annotated[
         float,
         Disturbance(
-            help="Dry friction of the servos, part of their torque limit.",
+            help="Dry friction of the servos, part of their torque limit; in MuJoCo a "
+            "joint that it holds still creeps.",
             label="dry friction",
             option="dry_friction",
             limits=Limits(0.0, 1.0),
