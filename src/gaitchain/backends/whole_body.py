@@ -133,7 +133,8 @@ class WholeBodyBackend(SimulatedMotors):
         joints = self._body.read().joint_position[self._rows]
         found = posture(self._legs, joints)
         feet, ankles = turn @ found.feet, at + found.ankles @ turn.T
-        corners = ankles[:, None] + self._sole_corners @ feet.swapaxes(1, 2)
+        soles = zip(ankles, feet, self._sole_corners, strict=True)
+        heights = [(ankle + own @ foot.T)[:, 2].min() for ankle, foot, own in soles]
         return Truth(
             qpos=numbers(at, quaternion(turn), joints),
             qvel=numbers(self._pelvis_speed(), data.qvel[self._dofs]),
@@ -143,7 +144,7 @@ class WholeBodyBackend(SimulatedMotors):
             twist=numbers(*(data.cvel[foot[0]] for foot in self._feet)),
             com=numbers(data.subtree_com[self._body.in_model.base]),
             tilt=_tilt(turn),
-            foot_height=numbers(corners[..., 2].min(axis=1)),
+            foot_height=numbers(np.array(heights)),
             self_contact=self._legs_touch(),
             whole=numbers(data.qpos),
         )
@@ -246,17 +247,12 @@ class WholeBodyBackend(SimulatedMotors):
         )
 
 
-def _corners(soles: Soles, legs: Legs) -> Array:
-    """Return the corners of both soles, from the ankle along its axes (2, n, 3) [m].
-
-    A sole with fewer corners than the other one counts its first again.
-    """
+def _corners(soles: Soles, legs: Legs) -> list[Array]:
+    """Return the corners of each sole, from its ankle along its axes (n, 3) [m]."""
     half = legs.sole_half_width
     box = [(x, y) for x in (legs.sole_rear, legs.sole_front) for y in (-half, half)]
-    found = [list(sole) for sole in soles] or [box, box]
-    most = max(map(len, found))
-    even = [of + of[:1] * (most - len(of)) for of in found]
-    return np.array([[(x, y, -legs.ankle_height) for x, y in of] for of in even])
+    below = -legs.ankle_height
+    return [np.array([(x, y, below) for x, y in of]) for of in soles or (box, box)]
 
 
 def _tilt(turn: Array) -> tuple[float, float]:
