@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from servo_bench import Clock
 
-from gaitchain.backends.dynamixel.calibration import ImuCalibration
 from gaitchain.backends.dynamixel.control_table import (
     GOAL,
     GOAL_PWM,
@@ -20,21 +19,18 @@ from gaitchain.backends.dynamixel.control_table import (
     TORQUE,
     WATCHDOG,
     WATCHDOG_TRIPPED,
-    Block,
 )
-from gaitchain.backends.dynamixel.emulator import (
-    EmulatedBus,
-    EmulatedImu,
-    EmulatedServo,
-)
+from gaitchain.backends.dynamixel.emulator import EmulatedXSeries, EmulatedXSeriesBus
 from gaitchain.backends.dynamixel.emulator.packets import (
-    BROADCAST,
     STATUS,
-    Packet,
     PacketReader,
     crc16,
     encode,
 )
+from gaitchain.backends.servos.calibration import ImuCalibration
+from gaitchain.backends.servos.emulator import EmulatedImu
+from gaitchain.backends.servos.emulator.bus import BROADCAST, Packet
+from gaitchain.backends.servos.table import Block
 
 PING, READ, WRITE, REG_WRITE, ACTION, REBOOT = 1, 2, 3, 4, 5, 8
 SYNC_READ, SYNC_WRITE, BULK_READ, BULK_WRITE = 0x82, 0x83, 0x92, 0x93
@@ -54,8 +50,8 @@ class Bench:
 
     def __init__(self, **more):
         self.clock = Clock()
-        self.servos = {n: EmulatedServo(n, **more) for n in (1, 2, 3)}
-        self.bus = EmulatedBus(self.servos.values(), clock=self.clock)
+        self.servos = {n: EmulatedXSeries(n, **more) for n in (1, 2, 3)}
+        self.bus = EmulatedXSeriesBus(self.servos.values(), clock=self.clock)
 
     def send(self, number, instruction, data=b""):
         """Return (id, error, data) of every answer."""
@@ -287,7 +283,7 @@ def test_an_imu_measures_in_the_axes_that_it_is_mounted_in():
 def test_faults_are_the_same_for_the_same_seed():
     def heard(seed):
         bench = Bench()
-        bench.bus = EmulatedBus(bench.servos.values(), seed, bench.clock)
+        bench.bus = EmulatedXSeriesBus(bench.servos.values(), seed, bench.clock)
         bench.bus.drop, bench.bus.corrupt = 0.2, 0.2
         ask = encode(BROADCAST, SYNC_READ, two(132, 4) + bytes([1, 2, 3]))
         return [bench.bus.answer(ask) for _ in range(50)]
@@ -299,7 +295,7 @@ def test_faults_are_the_same_for_the_same_seed():
 def test_a_hundred_thousand_odd_messages_do_no_harm():
     bench = Bench()
     imu = EmulatedImu(ImuCalibration(200, 38, 44, 0.001, 0.01))
-    bus = EmulatedBus([*bench.servos.values(), imu], clock=bench.clock)
+    bus = EmulatedXSeriesBus([*bench.servos.values(), imu], clock=bench.clock)
     rng = random.Random(7)
     kinds = [1, 2, 3, 4, 5, 6, 8, 16, 0x55, 0x82, 0x83, 0x8A, 0x92, 0x93]
     for _ in range(100_000):
@@ -337,7 +333,7 @@ def test_the_crc_is_that_of_the_sdk():
 )
 def test_a_current_is_in_the_unit_of_the_model(model, counts):
     """20 A/rad times 20 of 4096 counts; two models have no known unit."""
-    servo = EmulatedServo(1, model, angle_deg=180.0)
+    servo = EmulatedXSeries(1, model, angle_deg=180.0)
     assert not servo.write(TORQUE.address, b"\1")
     assert not servo.write(GOAL.address, four(2048 + 20))
     _, data = servo.read(PRESENT)

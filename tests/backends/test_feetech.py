@@ -7,16 +7,6 @@ import numpy as np
 import pytest
 from servo_bench import PATIENT_S, STAND, TURN, Clock, few
 
-from gaitchain.backends.dynamixel import DynamixelBackend, ServoBusEmulator
-from gaitchain.backends.dynamixel.bus import ServoBus
-from gaitchain.backends.dynamixel.bus_load import TURN_S, BusLoad
-from gaitchain.backends.dynamixel.calibration import Calibration, plain_calibration
-from gaitchain.backends.dynamixel.calibration_file import (
-    calibration_text,
-    parse_calibration,
-)
-from gaitchain.backends.dynamixel.make import make_named
-from gaitchain.backends.dynamixel.search import opened, parse_ids
 from gaitchain.backends.feetech import control_table as table
 from gaitchain.backends.feetech.emulator import (
     EmulatedSts,
@@ -24,6 +14,16 @@ from gaitchain.backends.feetech.emulator import (
     StsReader,
     encode,
 )
+from gaitchain.backends.servos import ServoBackend, ServoBusEmulator
+from gaitchain.backends.servos.bus import ServoBus
+from gaitchain.backends.servos.bus_load import TURN_S, BusLoad
+from gaitchain.backends.servos.calibration import Calibration, plain_calibration
+from gaitchain.backends.servos.calibration_file import (
+    calibration_text,
+    parse_calibration,
+)
+from gaitchain.backends.servos.make import make_named
+from gaitchain.backends.servos.search import opened, parse_ids
 from gaitchain.errors import BackendError, CalibrationError, CommandError
 from gaitchain.robot.box_robot import load_box_robot
 
@@ -40,7 +40,7 @@ def bench(calibration=None, watchdog_s=2.5):
     calibration, clock = calibration or robot_of(), Clock()
     with ServoBusEmulator.like(calibration, clock=clock) as bus:
         names = calibration.joint_names
-        robot = DynamixelBackend(
+        robot = ServoBackend(
             bus.port, calibration, names, PATIENT_S, watchdog_s=watchdog_s
         )
         try:
@@ -274,7 +274,7 @@ def test_the_highest_id_that_is_found_can_be_written():
 
 def test_res_stands_on_emulated_sts_servos():
     calibration: Calibration = plain_calibration(load_box_robot("res"), make="feetech")
-    make = partial(DynamixelBackend, period_s=PATIENT_S, watchdog_s=2.5)
+    make = partial(ServoBackend, period_s=PATIENT_S, watchdog_s=2.5)
     with ServoBusEmulator.like(calibration, STAND) as bus:
         robot = make(bus.port, calibration, calibration.joint_names)
         robot.connect(STAND)

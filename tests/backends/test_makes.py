@@ -7,12 +7,12 @@ import msgspec
 import pytest
 from servo_bench import RES
 
-from gaitchain.backends.dynamixel import ServoBusEmulator, plain_calibration
-from gaitchain.backends.dynamixel.emulator.port import Kinds
-from gaitchain.backends.dynamixel.make import make_named
 from gaitchain.backends.feetech.emulator import EmulatedSts, EmulatedStsBus
 from gaitchain.backends.feetech.make import Feetech
 from gaitchain.backends.makes import MAKES
+from gaitchain.backends.servos import ServoBusEmulator, plain_calibration
+from gaitchain.backends.servos.emulator.port import Kinds
+from gaitchain.backends.servos.make import make_named
 from gaitchain.cli.parser import parse
 from gaitchain.errors import CommandError
 from gaitchain.service.robots import check_backend

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gaitchain.backends.dynamixel.stall_free import StallFreeClock
+from gaitchain.backends.servos.stall_free import StallFreeClock
 
 
 @given(st.lists(st.floats(0.0, 2.0)), st.floats(1e-3, 1.0))

@@ -16,23 +16,21 @@ import pytest
 from commands import call
 from servo_bench import RES, STAND, TURN, Clock, mounted_oddly
 
-from gaitchain.backends.dynamixel import (
-    ServoBusEmulator,
-    load_calibration,
-    save_calibration,
-)
-from gaitchain.backends.dynamixel.bus import ServoBus
-from gaitchain.backends.dynamixel.calibration import ImuCalibration, JointCalibration
 from gaitchain.backends.dynamixel.control_table import (
     HIGHEST_POSITION,
     LOWEST_POSITION,
     MODELS,
     OPERATING_MODE,
-    Block,
-    Model,
 )
-from gaitchain.backends.dynamixel.emulator import EmulatedImu
-from gaitchain.backends.dynamixel.guide import (
+from gaitchain.backends.servos import (
+    ServoBusEmulator,
+    load_calibration,
+    save_calibration,
+)
+from gaitchain.backends.servos.bus import ServoBus
+from gaitchain.backends.servos.calibration import ImuCalibration, JointCalibration
+from gaitchain.backends.servos.emulator import EmulatedImu
+from gaitchain.backends.servos.guide import (
     Mounted,
     angle_of,
     ends_at_zero,
@@ -41,7 +39,8 @@ from gaitchain.backends.dynamixel.guide import (
     seen_limits,
     who_moved,
 )
-from gaitchain.backends.dynamixel.servos import ServoSetup
+from gaitchain.backends.servos.setup import ServoSetup
+from gaitchain.backends.servos.table import Block, Model
 from gaitchain.cli.prompt import Answers
 from gaitchain.errors import CommandError
 from gaitchain.gait.library_file import save_library

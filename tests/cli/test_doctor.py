@@ -8,7 +8,7 @@ import pytest
 from servo_bench import RES
 
 import gaitchain.cli.doctor
-from gaitchain.backends.dynamixel import plain_calibration, save_calibration
+from gaitchain.backends.servos import plain_calibration, save_calibration
 from gaitchain.cli import run
 from gaitchain.commission.stages import STAGES
 

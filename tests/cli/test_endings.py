@@ -11,7 +11,7 @@ import pytest
 from patience import Deadline
 from servo_bench import RES
 
-from gaitchain.backends.dynamixel import (
+from gaitchain.backends.servos import (
     ServoBusEmulator,
     plain_calibration,
     save_calibration,
@@ -32,7 +32,7 @@ import sys
 from functools import partial
 from patience import PATIENCE_S
 from servo_bench import patient_bus
-from gaitchain.backends.dynamixel import backend
+from gaitchain.backends.servos import backend
 from gaitchain.cli import doctor, main
 from gaitchain.live import joint_mover
 
@@ -40,7 +40,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 for end in signal.SIGHUP, signal.SIGTERM:  # the tests may run under nohup
     signal.signal(end, signal.SIG_DFL)
 joint_mover._SILENT_S = backend._SILENCE_S = PATIENCE_S
-backend.DynamixelBackend.__init__.__kwdefaults__["watchdog_s"] = 2.5
+backend.ServoBackend.__init__.__kwdefaults__["watchdog_s"] = 2.5
 doctor.Bench = partial(doctor.Bench, watchdog_s=2.5)
 if sys.argv.pop(1) == "twice":
     let_go = backend.let_go

@@ -9,12 +9,13 @@ import pytest
 from commission_bench import CHANGED, IMU, LATE_S, Somebody, library, plain, robot
 from scipy.spatial.transform import Rotation
 
-from gaitchain.backends.dynamixel import plain_calibration
-from gaitchain.backends.dynamixel.bus_load import BusLoad
-from gaitchain.backends.dynamixel.calibration import LOW_PWM
 from gaitchain.backends.dynamixel.control_table import FULL_PWM, GOAL_PWM, TORQUE
-from gaitchain.backends.dynamixel.emulator import EmulatedServo
+from gaitchain.backends.dynamixel.emulator import EmulatedXSeries
+from gaitchain.backends.dynamixel.make import MAKE
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.backends.servos import plain_calibration
+from gaitchain.backends.servos.bus_load import BusLoad
+from gaitchain.backends.servos.calibration import LOW_PWM
 from gaitchain.commission.bench import Bench
 from gaitchain.commission.imu import check_imu
 from gaitchain.commission.lateness import Lateness, lateness
@@ -35,7 +36,7 @@ from gaitchain.sim.world import World
 
 pytest.importorskip("dynamixel_sdk")
 LATE, IN_TIME = (
-    Lateness(BusLoad(12, 1_000_000, turn_s=turn_s), 0.01, "")
+    Lateness(BusLoad(12, 1_000_000, turn_s=turn_s, make=MAKE), 0.01, "")
     for turn_s in (0.008, 0.001)
 )
 STAGE = {stage.name: stage for stage in STAGES}
@@ -130,7 +131,7 @@ def test_a_bus_whose_answers_come_late_is_no_go_whatever_their_bytes_take():
 
 
 def test_the_latency_timer_is_that_of_the_port():
-    load = BusLoad(12, 1_000_000, turn_s=0.016)
+    load = BusLoad(12, 1_000_000, turn_s=0.016, make=MAKE)
     assert "/ttyUSB3/latency_timer" in Lateness(load, 0.01, "/dev/ttyUSB3").todo
     assert "/ttyUSB0/latency_timer" in Lateness(load, 0.01, "/dev/ttyACM3").todo
 
@@ -148,7 +149,7 @@ def test_the_latency_timer_is_that_of_the_port():
 def test_how_late_answers_may_come(turn_ms, full, explains):
     """Twelve servos take 3.6 ms of ten by their bytes, and three turns."""
     late = Lateness(
-        BusLoad(12, 1_000_000, imu_bytes=12, turn_s=1e-3 * turn_ms), 0.01, ""
+        BusLoad(12, 1_000_000, imu_bytes=12, turn_s=1e-3 * turn_ms, make=MAKE), 0.01, ""
     )
     assert (late.full, late.explains) == (full, explains)
 
@@ -219,7 +220,9 @@ def test_a_blocked_joint_is_seen_by_its_encoder():
     with robot() as (bench, bus):
         knee = library().robot.legs.joint_names[3]
         number = bench.calibration.joints[knee].id
-        stuck = EmulatedServo(number, angle_deg=bus.angle_deg(number), speed_deg_s=1e-3)
+        stuck = EmulatedXSeries(
+            number, angle_deg=bus.angle_deg(number), speed_deg_s=1e-3
+        )
         bus.bus.devices[number] = bus.servos[number] = stuck
         verdict = check_directions(bench)
     assert verdict.outcome == "no-go"

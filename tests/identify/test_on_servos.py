@@ -9,14 +9,11 @@ import pytest
 from patience import PATIENCE_S
 from servo_bench import RES, patient_bus
 
-from gaitchain.backends.dynamixel import DynamixelBackend
-from gaitchain.backends.dynamixel.bus_load import BusLoad
-from gaitchain.backends.dynamixel.calibration import (
-    LOW_PWM,
-    MOST_PWM,
-    plain_calibration,
-)
+from gaitchain.backends.dynamixel.make import MAKE
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.backends.servos import ServoBackend
+from gaitchain.backends.servos.bus_load import BusLoad
+from gaitchain.backends.servos.calibration import LOW_PWM, MOST_PWM, plain_calibration
 from gaitchain.cli import run
 from gaitchain.errors import BackendError, ServosStoppedError
 from gaitchain.identify.log import load_log
@@ -255,19 +252,19 @@ def test_emulated_servos_exercise_in_real_time(tmp_path, monkeypatch):
     monkeypatch.setattr(motions, "_SECONDS", seconds)
     # A busy machine may keep the bus silent for longer than servos may be.
     monkeypatch.setattr(joint_mover, "_SILENT_S", PATIENCE_S)
-    monkeypatch.setattr(f"{DynamixelBackend.__module__}._SILENCE_S", PATIENCE_S)
-    defaults = DynamixelBackend.__init__.__kwdefaults__
+    monkeypatch.setattr(f"{ServoBackend.__module__}._SILENCE_S", PATIENCE_S)
+    defaults = ServoBackend.__init__.__kwdefaults__
     monkeypatch.setitem(defaults, "watchdog_s", _LONGEST_WATCHDOG_S)
     path = tmp_path / "a.log"
     words = ["calibrate", "res", "--exercise", str(path), "--port", "emulated"]
     words += ["--view", "0"]
-    limits, limit = [], DynamixelBackend.limit_torque
+    limits, limit = [], ServoBackend.limit_torque
 
     def noted(backend, most_pwm):
         limits.append(most_pwm)
         limit(backend, most_pwm)
 
-    monkeypatch.setattr(DynamixelBackend, "limit_torque", noted)
+    monkeypatch.setattr(ServoBackend, "limit_torque", noted)
 
     def exercises():
         reading, writing = os.pipe()
@@ -280,7 +277,7 @@ def test_emulated_servos_exercise_in_real_time(tmp_path, monkeypatch):
         assert any(exercises() for _ in range(_ATTEMPTS))
     assert limits[-2:] == [LOW_PWM, MOST_PWM], "hung legs are limited"
     log = load_log(path)
-    line_s = BusLoad(12, plain_calibration(RES).baud).write_s
+    line_s = BusLoad(12, plain_calibration(RES).baud, make=MAKE).write_s
     assert 0.0 < line_s < log.turnarounds_s.min()
     for part in log.parts:
         assert len(part.motion.targets) == 400

@@ -8,11 +8,7 @@ import pytest
 from live_robot import Live, SteppedClock, library
 from msgspec.structs import replace
 
-from gaitchain.backends.dynamixel import (
-    DynamixelBackend,
-    ServoBusEmulator,
-    plain_calibration,
-)
+from gaitchain.backends.servos import ServoBackend, ServoBusEmulator, plain_calibration
 from gaitchain.live.messages import EmergencyStop, Mode, Reset, Shutdown, Start
 from gaitchain.robot.identified import Identified
 from gaitchain.walker.walker import Walker
@@ -35,7 +31,7 @@ def on_servos(*, upper=None, of=None):
         calibration = replace(calibration, joints=joints)
         stand[legs.joint_names.index("left_knee")] = np.radians(upper)
     with ServoBusEmulator.like(calibration, stand, clock=clock.now) as bus:
-        robot = DynamixelBackend(
+        robot = ServoBackend(
             bus.port, calibration, legs.joint_names, 0.1, watchdog_s=2.5
         )
         try:

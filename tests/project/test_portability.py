@@ -22,7 +22,7 @@ assert not hasattr(signal, "SIGHUP")
 import gaitchain, gaitchain.bench, gaitchain.cli.prompt, gaitchain.cli.replay
 import gaitchain.cli.serve, gaitchain.service.loop_part, gaitchain.service.log_part
 import gaitchain.service.api, gaitchain.service.player_part
-import gaitchain.service.viewer_part, gaitchain.backends.dynamixel
+import gaitchain.service.viewer_part, gaitchain.backends.servos
 assert gaitchain.bench._peak() == {}
 """
 ASKS = """

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gaitchain.analysis.record_file import load_record
-from gaitchain.backends.dynamixel.calibration_file import load_calibration
+from gaitchain.backends.servos.calibration_file import load_calibration
 from gaitchain.discover.profile import load_profile
 from gaitchain.errors import GaitchainError
 from gaitchain.gait.get_up import load_get_up

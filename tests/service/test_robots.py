@@ -13,13 +13,14 @@ from patience import PATIENCE_S, Deadline
 from ros_peers import RosbridgeServer
 from verdicts import FAILED
 
-from gaitchain.backends.dynamixel import (
-    DynamixelBackend,
+from gaitchain.backends.dynamixel.make import MAKE
+from gaitchain.backends.servos import (
+    ServoBackend,
     ServoBusEmulator,
     plain_calibration,
     save_calibration,
 )
-from gaitchain.backends.dynamixel.search import opened
+from gaitchain.backends.servos.search import opened
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.errors import BackendError, CalibrationError, CommandError, LibraryError
 from gaitchain.gait.library_file import save_library
@@ -132,7 +133,7 @@ def test_a_robot_that_was_connected_is_let_go_of_when_no_loop_can_be_made(tmp_pa
     with servos(tmp_path) as (bus, settings):
         refused = refusal(settings, tmp_path)
         assert refused.traceback  # which would keep the robot alive, and its port
-        with opened(bus.port, [CALIBRATION.baud], [1]) as (_, _, models):
+        with opened(bus.port, [CALIBRATION.baud], [1], MAKE) as (_, _, models):
             assert models
 
 
@@ -155,13 +156,13 @@ def test_a_loop_that_may_wait_is_made_for_servos_that_do_not_answer(tmp_path):
 
 def test_servos_are_connected_once(tmp_path, monkeypatch):
     connected, begun = [], []
-    connect = DynamixelBackend.connect
+    connect = ServoBackend.connect
 
     def count(backend, position):
         connected.append(backend)
         connect(backend, position)
 
-    monkeypatch.setattr(DynamixelBackend, "connect", count)
+    monkeypatch.setattr(ServoBackend, "connect", count)
     with servos(tmp_path, open_loop=True) as (_, settings):
         begin = lambda: begun.append(len(connected))  # noqa: E731
         loop, port = make_loop(settings, tmp_path, begin)

@@ -10,7 +10,7 @@ import pytest
 from commands import call
 from running_service import Service, gone
 
-from gaitchain.backends.dynamixel import (
+from gaitchain.backends.servos import (
     ServoBusEmulator,
     plain_calibration,
     save_calibration,

@@ -7,8 +7,8 @@ import msgspec
 from live_robot import SteppedClock
 from servo_bench import patient_bus
 
-from gaitchain.backends.dynamixel import ServoBusEmulator, plain_calibration
-from gaitchain.backends.dynamixel.calibration import ImuCalibration
+from gaitchain.backends.servos import ServoBusEmulator, plain_calibration
+from gaitchain.backends.servos.calibration import ImuCalibration
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.commission.bench import Bench
 from gaitchain.gait.library_file import load_library

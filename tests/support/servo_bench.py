@@ -8,12 +8,8 @@ import numpy as np
 import pytest
 from patience import PATIENCE_S
 
-from gaitchain.backends.dynamixel import (
-    DynamixelBackend,
-    ServoBusEmulator,
-    plain_calibration,
-)
-from gaitchain.backends.dynamixel.calibration import Calibration, JointCalibration
+from gaitchain.backends.servos import ServoBackend, ServoBusEmulator, plain_calibration
+from gaitchain.backends.servos.calibration import Calibration, JointCalibration
 from gaitchain.robot.box_robot import load_box_robot
 
 RES = load_box_robot("res")
@@ -44,7 +40,7 @@ def patient_bus(period_s=PATIENT_S, late_s=None):
         limits |= dict.fromkeys(_PARTS_OF_A_PERIOD, late_s / period_s)
     with pytest.MonkeyPatch.context() as patch:
         for name, limit in limits.items():
-            patch.setattr(f"gaitchain.backends.dynamixel.{name}", limit)
+            patch.setattr(f"gaitchain.backends.servos.{name}", limit)
         yield
 
 
@@ -88,7 +84,7 @@ def bench(
     clock = Clock()
     emulated = ServoBusEmulator.like(calibration, position, clock=clock, **more)
     with patiently(), emulated as bus:
-        robot = DynamixelBackend(
+        robot = ServoBackend(
             bus.port,
             calibration,
             calibration.joint_names,

@@ -11,20 +11,20 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from gaitchain.backends.dynamixel.bus import ServoBus
-from gaitchain.backends.dynamixel.calibration import (
+from gaitchain.backends.makes import MakeName
+from gaitchain.backends.servos.bus import ServoBus
+from gaitchain.backends.servos.calibration import (
     LOW_PWM,
     Calibration,
     ImuCalibration,
     JointCalibration,
     check_calibration,
 )
-from gaitchain.backends.dynamixel.calibration_file import (
+from gaitchain.backends.servos.calibration_file import (
     load_calibration,
     save_calibration,
 )
-from gaitchain.backends.dynamixel.control_table import DEG_PER_COUNT
-from gaitchain.backends.dynamixel.guide import (
+from gaitchain.backends.servos.guide import (
     LEAST_MOVE_DEG,
     Mounted,
     angle_of,
@@ -35,10 +35,11 @@ from gaitchain.backends.dynamixel.guide import (
     seen_limits,
     who_moved,
 )
-from gaitchain.backends.dynamixel.make import make_named
-from gaitchain.backends.dynamixel.search import opened, parse_ids
-from gaitchain.backends.dynamixel.servos import ServoSetup, let_go, servo_setup
-from gaitchain.backends.makes import MakeName
+from gaitchain.backends.servos.make import make_named
+from gaitchain.backends.servos.search import opened, parse_ids
+from gaitchain.backends.servos.setup import ServoSetup, servo_setup
+from gaitchain.backends.servos.table import DEG_PER_COUNT
+from gaitchain.backends.servos.torque import let_go
 from gaitchain.cli.calibration_check import compare
 from gaitchain.cli.console import print_table, say
 from gaitchain.cli.exercise import run_exercise

@@ -9,16 +9,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gaitchain.backends.dynamixel.bus import ServoBus
-from gaitchain.backends.dynamixel.calibration import (
+from gaitchain.backends.servos.bus import ServoBus
+from gaitchain.backends.servos.calibration import (
     Calibration,
     ImuCalibration,
     JointCalibration,
 )
-from gaitchain.backends.dynamixel.guide import angle_of
-from gaitchain.backends.dynamixel.imu import BusImu
-from gaitchain.backends.dynamixel.make import Make, make_named
-from gaitchain.backends.dynamixel.search import opened
+from gaitchain.backends.servos.guide import angle_of
+from gaitchain.backends.servos.imu import BusImu
+from gaitchain.backends.servos.make import Make, make_named
+from gaitchain.backends.servos.search import opened
 from gaitchain.cli.console import print_table, say
 from gaitchain.commission.imu import faults_at_rest, mean_of, samples
 from gaitchain.messages import Array

@@ -8,12 +8,9 @@ from typing import Any
 
 import msgspec
 
-from gaitchain.backends.dynamixel import (
-    Calibration,
-    ServoBusEmulator,
-)
-from gaitchain.backends.dynamixel.calibration import ImuCalibration
-from gaitchain.backends.dynamixel.emulator import EmulatedImu
+from gaitchain.backends.servos import Calibration, ServoBusEmulator
+from gaitchain.backends.servos.calibration import ImuCalibration
+from gaitchain.backends.servos.emulator import EmulatedImu
 from gaitchain.cli.console import (
     print_line,
     print_table,

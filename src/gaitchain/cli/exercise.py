@@ -8,11 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from gaitchain.backends.dynamixel import (
-    DynamixelBackend,
-    ServoBusEmulator,
-)
-from gaitchain.backends.dynamixel.calibration import LOW_PWM, MOST_PWM
+from gaitchain.backends.servos import ServoBackend, ServoBusEmulator
+from gaitchain.backends.servos.calibration import LOW_PWM, MOST_PWM
 from gaitchain.cli.console import progress, say
 from gaitchain.cli.files import check_files, check_replaced
 from gaitchain.cli.libraries import read_library
@@ -157,7 +154,7 @@ def _on_servos(library: GaitLibrary, options: Calibrate) -> ExerciseLog:
         )
 
 
-def _servos(robot: Robot, options: Calibrate) -> DynamixelBackend:
+def _servos(robot: Robot, options: Calibrate) -> ServoBackend:
     """Return the robot's servos, or emulated ones."""
     assert options.port is not None  # checked by `run_exercise`
     port, emulated = options.port, options.port == EMULATED
@@ -165,6 +162,6 @@ def _servos(robot: Robot, options: Calibrate) -> DynamixelBackend:
     if emulated:
         port = ServoBusEmulator.like(calibration).port
     names = robot.legs.joint_names
-    return DynamixelBackend(
+    return ServoBackend(
         port, calibration, names, CONTROL_PERIOD_S, physical=not emulated
     )

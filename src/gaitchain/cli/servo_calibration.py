@@ -2,11 +2,7 @@
 
 from pathlib import Path
 
-from gaitchain.backends.dynamixel import (
-    Calibration,
-    load_calibration,
-    plain_calibration,
-)
+from gaitchain.backends.servos import Calibration, load_calibration, plain_calibration
 from gaitchain.robot.robot import Robot
 from gaitchain.service.robots import uncalibrated
 

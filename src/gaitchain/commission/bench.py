@@ -7,10 +7,10 @@ from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from gaitchain.backends.dynamixel.backend import DynamixelBackend
-from gaitchain.backends.dynamixel.bus_load import BusLoad
-from gaitchain.backends.dynamixel.calibration import LOW_PWM, Calibration
-from gaitchain.backends.dynamixel.make import make_named
+from gaitchain.backends.servos.backend import ServoBackend
+from gaitchain.backends.servos.bus_load import BusLoad
+from gaitchain.backends.servos.calibration import LOW_PWM, Calibration
+from gaitchain.backends.servos.make import make_named
 from gaitchain.build.progress import Progress
 from gaitchain.commission.screen import NoScreen, Screen
 from gaitchain.gait.library import GaitLibrary
@@ -113,7 +113,7 @@ class Bench:
         return 1.0 / self.rate_hz
 
     @contextmanager
-    def robot(self, most_pwm: float = LOW_PWM) -> Iterator[DynamixelBackend]:
+    def robot(self, most_pwm: float = LOW_PWM) -> Iterator[ServoBackend]:
         """Connect the servos, and turn their torque off at the end, whatever happens.
 
         Args:
@@ -123,7 +123,7 @@ class Bench:
             BackendError: the servos are not as calibrated, or the bus is too slow.
         """
         legs = self.library.robot.legs
-        backend = DynamixelBackend(
+        backend = ServoBackend(
             self.port,
             self.calibration,
             legs.joint_names,
@@ -140,7 +140,7 @@ class Bench:
             self.not_let_go = backend.may_hold
             self.torque = _UNKNOWN if backend.not_let_go else _OFF
 
-    def within(self, backend: DynamixelBackend) -> Robot:
+    def within(self, backend: ServoBackend) -> Robot:
         """Return the library's robot with the ranges that its servos give its joints.
 
         Raises:
@@ -149,7 +149,7 @@ class Bench:
         return within_servos(self.library.robot, backend, self._mounting)
 
     def mover(
-        self, backend: DynamixelBackend, what: str, *, upright: bool = False
+        self, backend: ServoBackend, what: str, *, upright: bool = False
     ) -> JointMover:
         """Return what moves the joints of a connected robot; see `JointMover`.
 

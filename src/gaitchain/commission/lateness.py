@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from itertools import cycle, islice
 from pathlib import Path
 
-from gaitchain.backends.dynamixel.bus import ServoBus
-from gaitchain.backends.dynamixel.bus_load import SHARE, TURN_S, BusLoad
-from gaitchain.backends.dynamixel.make import make_named
+from gaitchain.backends.servos.bus import ServoBus
+from gaitchain.backends.servos.bus_load import SHARE, TURN_S, BusLoad
+from gaitchain.backends.servos.make import make_named
 from gaitchain.commission.bench import Bench, Verdict
 from gaitchain.errors import BackendError
 

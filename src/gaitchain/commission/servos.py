@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gaitchain.backends.dynamixel.bus import ServoBus
-from gaitchain.backends.dynamixel.bus_load import BusLoad
-from gaitchain.backends.dynamixel.guide import joint_words
-from gaitchain.backends.dynamixel.make import make_named
+from gaitchain.backends.servos.bus import ServoBus
+from gaitchain.backends.servos.bus_load import BusLoad
+from gaitchain.backends.servos.guide import joint_words
+from gaitchain.backends.servos.make import make_named
 from gaitchain.commission.bench import Bench, Fault, Verdict, no_go
 from gaitchain.commission.lateness import lateness
 from gaitchain.errors import BackendError

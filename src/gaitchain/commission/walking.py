@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gaitchain.backends.dynamixel.calibration import LOW_PWM, MOST_PWM
+from gaitchain.backends.servos.calibration import LOW_PWM, MOST_PWM
 from gaitchain.commission.bench import Bench, Verdict
 from gaitchain.commission.screen import Screen
 from gaitchain.errors import BackendError

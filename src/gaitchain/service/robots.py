@@ -16,7 +16,7 @@ from gaitchain.sim.world import World
 from gaitchain.walker.riser import Riser
 
 if TYPE_CHECKING:
-    from gaitchain.backends.dynamixel import Calibration
+    from gaitchain.backends.servos import Calibration
 
 _EMULATED = "emulated"
 _ROS = ("ros", "ros-effort")
@@ -169,7 +169,7 @@ def servo_calibration(settings: Settings, library: GaitLibrary) -> "Calibration"
     """
     from msgspec import convert
 
-    from gaitchain.backends.dynamixel import load_calibration, plain_calibration
+    from gaitchain.backends.servos import load_calibration, plain_calibration
 
     make, _, port = settings.backend.partition(":")
     if settings.calibration is None:
@@ -186,12 +186,12 @@ def servo_calibration(settings: Settings, library: GaitLibrary) -> "Calibration"
 def _servos(
     port: str, settings: Settings, library: GaitLibrary, period_s: float
 ) -> OpenedRobot:
-    from gaitchain.backends.dynamixel import DynamixelBackend, ServoBusEmulator
+    from gaitchain.backends.servos import ServoBackend, ServoBusEmulator
 
     names, emulated = library.robot.legs.joint_names, port == _EMULATED
     calibration = servo_calibration(settings, library)
     if emulated:
         legs = library.robot.legs
         port = ServoBusEmulator.standing(calibration, legs, settings.seed).port
-    backend = DynamixelBackend(port, calibration, names, period_s)
+    backend = ServoBackend(port, calibration, names, period_s)
     return OpenedRobot(backend, emulated=emulated)

@@ -4,11 +4,9 @@ MX servos with the firmware for protocol 2.0 have the same table.
 """
 
 import math
-from dataclasses import dataclass
 
-COUNTS = 4096
-"""Positions in one turn."""
-DEG_PER_COUNT = 360.0 / COUNTS
+from gaitchain.backends.servos.table import Block, Model
+
 RAD_S_PER_COUNT = 0.229 * 2.0 * math.pi / 60.0  # 0.229 rev/min
 FULL_PWM = 885  # register value of 100 %
 POSITION_MODE = 3
@@ -24,24 +22,6 @@ HARDWARE_ERRORS = {
     5: "overload",
 }
 """Meaning of the bits of the hardware error status."""
-
-
-@dataclass(frozen=True)
-class Block:
-    """A contiguous range of bytes in the control table."""
-
-    address: int
-    size: int
-
-    @property
-    def end(self) -> int:
-        """First address after the block."""
-        return self.address + self.size
-
-    def unsigned(self, data: bytes, within: "Block") -> int:
-        """Return the block's unsigned number from the data of the block around it."""
-        start = self.address - within.address
-        return int.from_bytes(data[start : start + self.size], "little")
 
 
 RETURN_DELAY = Block(9, 1)  # [2 us]
@@ -71,15 +51,6 @@ SUPPLY = Block(VOLTAGE.address, TEMPERATURE.end - VOLTAGE.address)
 
 PRESENT_FORMAT = "<hii"
 """`struct` format of current, velocity and position in `PRESENT`."""
-
-
-@dataclass(frozen=True)
-class Model:
-    """A servo model."""
-
-    name: str
-    amperes_per_count: float
-    """Unit of the present current [A]; NaN if the servo measures no current."""
 
 
 _NO_CURRENT = math.nan

@@ -1,109 +1,24 @@
 """Packets of protocol 2.0, built and parsed by the SDK of ROBOTIS."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol
+from importlib import import_module
+from typing import Any
 
-from gaitchain.backends.dynamixel.control_table import ALERT, Block
-from gaitchain.backends.dynamixel.port import ServoPort, sdk
+from gaitchain.backends.dynamixel.control_table import ALERT
+from gaitchain.backends.servos.port import ServoPort
+from gaitchain.backends.servos.table import Block
+from gaitchain.backends.servos.wire import SUCCESS, Answer, answer_of
+from gaitchain.errors import needed_by
 
-SUCCESS = 0
-"""Result of an SDK's functions: the packet is sound."""
 _ID, _LENGTH, _KIND = 4, 5, 7  # indices of the fields in a packet
 _ERROR, _DATA = 8, 9  # and in a status packet
 _OTHERS = 4  # bytes of instruction, error and CRC, which count in the length field
-FAST_HEAD = 8
-"""Bytes of the answer to a fast sync read before the first servo's part."""
-FAST_FRAME = 4
-"""Bytes of a servo's part without data: error, id, and a CRC of all bytes so far."""
+_FAST_HEAD = 8  # bytes of the answer to a fast sync read before the first servo's part
+_FAST_FRAME = 4  # and of a servo's part without data: error, id, a CRC of all so far
 _CRC, _BEFORE_DATA = 2, 2
 _PING, _PING_BYTES, _PING_LENGTH = 1, 10, 3
 _MODEL = slice(0, 2)  # in the answer to a ping, before a byte of the firmware
 _PINGED = 3  # bytes of data in it
-
-
-@dataclass(frozen=True)
-class Answer:
-    """A servo's answer to a read."""
-
-    data: bytes
-    alert: bool
-    """Whether the servo has a hardware error."""
-
-
-class Wire(Protocol):
-    """A make's packets on an open port."""
-
-    frame: int
-    """Bytes of a status packet without data."""
-    request: int
-    """Bytes of a read, and of a sync read without the ids."""
-    timeout: int
-    """Result of the SDK for a packet of which no byte came."""
-    last_id: int
-    """Highest id that a servo may have."""
-    last_address: int
-    """Last byte of a table that can be asked for."""
-    most_data: int
-    """Most bytes of a table in one answer."""
-    knows_ping_all: bool
-    """Whether one broadcast finds all servos."""
-    knows_fast: bool
-    """Whether there is one packet in which all servos answer."""
-
-    def __init__(self, port: ServoPort) -> None:
-        """Set the port."""
-
-    def ping(self, number: int) -> int | None:
-        """Return the model number of a servo, None if it does not answer."""
-
-    def ping_all(self) -> dict[int, int]:
-        """Return the model numbers by id of all that answer."""
-
-    def ask(self, number: int, block: Block) -> None:
-        """Request a block of one table."""
-
-    def ask_all(self, ids: Sequence[int], block: Block) -> None:
-        """Request a block of many tables, in packets one after the other."""
-
-    def receive(self) -> tuple[Sequence[int], int]:
-        """Return the next packet, and the SDK's result."""
-
-    def unpack(self, packet: Sequence[int], size: int) -> tuple[int, Answer] | None:
-        """Return an answer and its id; None for an error, or another request's."""
-
-    def fast_size(self, count: int, block: Block) -> int:
-        """Return the bytes of one packet in which so many servos answer."""
-
-    def ask_fast(self, ids: Sequence[int], block: Block) -> None:
-        """Request one packet in which all servos answer."""
-
-    def receive_fast(
-        self, ids: Sequence[int], size: int
-    ) -> tuple[dict[int, Answer], bool]:
-        """Return the sound answers in such a packet, and whether it is complete."""
-
-    def write_all(self, block: Block, values: Mapping[int, bytes]) -> bool:
-        """Write a block of many tables; return whether all bytes were sent."""
-
-
-def answer_of(wire: Wire, number: int, size: int) -> bytes | None:
-    """Return the data of one servo's answer, None if none comes in time.
-
-    Passes over late answers to earlier requests, which have data of another size.
-
-    Args:
-        wire: packets of the port that the request was sent to.
-        number: id of the servo.
-        size: bytes of data that were requested.
-    """
-    while True:
-        packet, result = wire.receive()
-        if result != SUCCESS:
-            return None
-        found = wire.unpack(packet, size)
-        if found is not None and found[0] == number:
-            return found[1].data
 
 
 class Protocol2:
@@ -115,9 +30,15 @@ class Protocol2:
     knows_ping_all = knows_fast = True
 
     def __init__(self, port: ServoPort) -> None:
-        """Set the port."""
+        """Set the port.
+
+        Raises:
+            MissingExtraError: the SDK is not installed.
+        """
+        with needed_by("a DYNAMIXEL servo"):
+            sdk = import_module("dynamixel_sdk")
         self._port = port
-        self._packets: Any = sdk().Protocol2PacketHandler()
+        self._packets: Any = sdk.Protocol2PacketHandler()
 
     def ping(self, number: int) -> int | None:
         """Return the model number of a servo, None if it does not answer."""
@@ -157,9 +78,10 @@ class Protocol2:
         data = bytes(packet[_DATA : _DATA + size])
         return packet[_ID], Answer(data, bool(error & ALERT))
 
-    def fast_size(self, count: int, block: Block) -> int:
+    @classmethod
+    def fast_size(cls, count: int, block: Block) -> int:
         """Return the bytes of one packet in which so many servos answer."""
-        return FAST_HEAD + count * (FAST_FRAME + block.size)
+        return _FAST_HEAD + count * (_FAST_FRAME + block.size)
 
     def ask_fast(self, ids: Sequence[int], block: Block) -> None:
         """Request one packet in which all servos answer."""
@@ -171,7 +93,7 @@ class Protocol2:
         """Return the answers in such a packet up to its first bad byte."""
         packet, result = self._packets.rxPacket(self._port, True)
         heard: dict[int, Answer] = {}
-        begin, covered, crc = FAST_HEAD, 0, 0
+        begin, covered, crc = _FAST_HEAD, 0, 0
         for number in ids:
             end = begin + _BEFORE_DATA + size
             if len(packet) < end + _CRC:

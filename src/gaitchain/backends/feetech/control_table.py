@@ -3,7 +3,7 @@
 Addresses beyond the SDK's are those of Feetech's memory table of the STS series.
 """
 
-from gaitchain.backends.dynamixel.control_table import Block, Model
+from gaitchain.backends.servos.table import Block, Model
 
 SIZE = 87
 MODEL = Block(3, 2)

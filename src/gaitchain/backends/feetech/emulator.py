@@ -2,16 +2,12 @@
 
 from collections.abc import Iterator
 
-from gaitchain.backends.dynamixel.control_table import (
-    COUNTS,
-    Block,
-)
-from gaitchain.backends.dynamixel.emulator.bus import EmulatedBus
-from gaitchain.backends.dynamixel.emulator.motor import Motor
-from gaitchain.backends.dynamixel.emulator.packets import BROADCAST, Packet
-from gaitchain.backends.dynamixel.emulator.port import Kinds
-from gaitchain.backends.dynamixel.emulator.servo import TableServo
 from gaitchain.backends.feetech import control_table as table
+from gaitchain.backends.servos.emulator.bus import BROADCAST, EmulatedBus, Packet
+from gaitchain.backends.servos.emulator.motor import Motor
+from gaitchain.backends.servos.emulator.port import Kinds
+from gaitchain.backends.servos.emulator.servo import TableServo
+from gaitchain.backends.servos.table import COUNTS, Block
 
 HEADER = b"\xff\xff"
 _PING, _READ, _WRITE, _SYNC_READ, _SYNC_WRITE = 1, 2, 3, 0x82, 0x83
@@ -82,7 +78,7 @@ class EmulatedSts(TableServo):
         speed_deg_s: float = 270.0,
         lag_s: float = 0.02,
     ) -> None:
-        """Power the servo on; see `EmulatedServo`."""
+        """Power the servo on; see `EmulatedXSeries`."""
         super().__init__(number, table.SIZE, Motor(angle_deg, speed_deg_s, lag_s))
         self._now = 0.0
         self.put(table.MODEL, model)

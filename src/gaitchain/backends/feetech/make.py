@@ -4,13 +4,19 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar
 
-from gaitchain.backends.dynamixel.control_table import COUNTS
-from gaitchain.backends.dynamixel.make import Make, Settings, SetupBlocks, State, Writes
 from gaitchain.backends.feetech import control_table as table
 from gaitchain.backends.feetech.wire import StsProtocol
+from gaitchain.backends.servos.make import (
+    ON,
+    Make,
+    Settings,
+    SetupBlocks,
+    State,
+    Writes,
+)
+from gaitchain.backends.servos.table import COUNTS
 
 _TENTHS = 10.0  # of a percent in a percent
-_ON = b"\1"
 
 
 class Feetech(Make):
@@ -74,7 +80,7 @@ class Feetech(Make):
         return number.to_bytes(self.goal.size, "little")
 
     def holding(
-        self, goals: Mapping[int, int], limits: Mapping[int, float], watchdog: int
+        self, goals: Mapping[int, int], limits: Mapping[int, float], watchdog_s: float
     ) -> Writes:
         """Return what makes servos hold a position; the torque comes last."""
         as_fast_as_it_can = bytes(table.GOAL_SPEED.end - table.GOAL_TIME.address)
@@ -85,7 +91,7 @@ class Feetech(Make):
             + round(_TENTHS * limits[number]).to_bytes(2, "little")
             for number, count in goals.items()
         }
-        return [(table.MOTION, motion), (table.TORQUE, dict.fromkeys(goals, _ON))]
+        return [(table.MOTION, motion), (table.TORQUE, dict.fromkeys(goals, ON))]
 
 
 MAKE = Feetech()

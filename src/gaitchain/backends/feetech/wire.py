@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
-from gaitchain.backends.dynamixel.control_table import Block
-from gaitchain.backends.dynamixel.port import ServoPort
-from gaitchain.backends.dynamixel.wire import SUCCESS, Answer, answer_of
 from gaitchain.backends.feetech.control_table import MODEL
+from gaitchain.backends.servos.port import ServoPort
+from gaitchain.backends.servos.table import Block
+from gaitchain.backends.servos.wire import SUCCESS, Answer, answer_of
 from gaitchain.errors import needed_by
 
 _ID, _LENGTH, _ERROR, _DATA = 2, 3, 4, 5  # indices of the fields in a status packet
@@ -76,9 +76,10 @@ class StsProtocol:
         data = bytes(packet[_DATA : _DATA + size])
         return packet[_ID], Answer(data, bool(packet[_ERROR]))
 
-    def fast_size(self, count: int, block: Block) -> int:
+    @classmethod
+    def fast_size(cls, count: int, block: Block) -> int:
         """Return the bytes of all answers: there is no packet of many."""
-        return count * (self.frame + block.size)
+        return count * (cls.frame + block.size)
 
     def ask_fast(self, ids: Sequence[int], block: Block) -> None:
         """Request a block of many tables."""

@@ -1,7 +1,9 @@
-"""An emulated bus: servos and an IMU that answer on a pseudo-terminal."""
+"""Emulated X-series servos."""
 
-from gaitchain.backends.dynamixel.emulator.bus import EmulatedBus
-from gaitchain.backends.dynamixel.emulator.devices import EmulatedImu, EmulatedServo
-from gaitchain.backends.dynamixel.emulator.port import ServoBusEmulator
+from gaitchain.backends.dynamixel.emulator.bus import EmulatedXSeriesBus
+from gaitchain.backends.dynamixel.emulator.devices import EmulatedXSeries
+from gaitchain.backends.servos.emulator.port import Kinds
 
-__all__ = ["EmulatedBus", "EmulatedImu", "EmulatedServo", "ServoBusEmulator"]
+KINDS = Kinds(EmulatedXSeries, EmulatedXSeriesBus)
+
+__all__ = ["KINDS", "EmulatedXSeries", "EmulatedXSeriesBus"]

@@ -1,23 +1,20 @@
-"""A bus of emulated servos: request bytes in, answer bytes out. No port, no thread."""
+"""A bus of emulated X-series servos, which answer packets of protocol 2.0."""
 
-import random
-import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, Protocol
+from typing import Any
 
-from gaitchain.backends.dynamixel.control_table import Block
 from gaitchain.backends.dynamixel.emulator.devices import LENGTH, OK, Device
 from gaitchain.backends.dynamixel.emulator.packets import (
-    BROADCAST,
     MOST,
     STATUS,
-    Packet,
     PacketReader,
     crc16,
     encode,
     head,
 )
+from gaitchain.backends.servos.emulator.bus import BROADCAST, EmulatedBus, Packet
+from gaitchain.backends.servos.table import Block
 
 _PING, _READ, _WRITE, _REG_WRITE, _ACTION, _REBOOT = 1, 2, 3, 4, 5, 8
 _SYNC_READ, _SYNC_WRITE, _BULK_READ, _BULK_WRITE = 0x82, 0x83, 0x92, 0x93
@@ -27,24 +24,13 @@ _HEAD = 4  # bytes of address and length in a request
 _PART = 4  # error, id and CRC of a servo's part of the answer to a fast sync read
 
 
-class Reader(Protocol):
-    """What finds packets in a stream of bytes."""
-
-    def feed(self, data: bytes) -> Iterator[Packet]:
-        """Append bytes, and yield each packet that they complete."""
-
-    def drop(self) -> None:
-        """Discard an incomplete packet."""
-
-
 _Status = tuple[Device, int, bytes]
 
 
-class EmulatedBus:
-    """Emulated devices on a bus with random transmission faults."""
+class EmulatedXSeriesBus(EmulatedBus):
+    """Emulated X-series servos on a bus with random transmission faults."""
 
-    reader: type[Reader] = PacketReader
-    """What finds the packets in a stream of bytes."""
+    reader = PacketReader
 
     def __init__(
         self,
@@ -52,60 +38,9 @@ class EmulatedBus:
         seed: int = 0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Connect devices to the bus.
-
-        Args:
-            devices: servos and IMU.
-            seed: seed of the random faults.
-            clock: clock of the servos' motion and watchdogs [s].
-        """
-        self.devices: dict[int, Any] = {device.number: device for device in devices}
-        self.drop = 0.0
-        """Probability that a request or an answer is lost."""
-        self.lose_next = 0
-        """Number of the next requests and answers that are lost."""
-        self.corrupt = 0.0
-        """Probability that a byte of a request or an answer is changed."""
-        self.cut = False
-        """Whether the data line is cut; the servos keep their supply."""
-        self.fast = True
-        """Whether the firmware of the servos knows fast sync reads."""
-        self.dead: set[int] = set()
-        """Ids of devices that neither receive nor answer."""
-        self.clock = clock
-        self.lock = threading.RLock()
-        """Held while a packet is executed."""
-        self._random = random.Random(seed)
-        self._reader = self.reader()
+        """Connect devices to the bus; see `EmulatedBus`."""
+        super().__init__(devices, seed, clock)
         self._pending: dict[int, tuple[int, bytes]] = {}
-
-    def answer(self, data: bytes) -> bytes:
-        """Receive bytes and return the answers to the packets that they complete."""
-        with self.lock:
-            now, noisy = self.clock(), self._passed(data)
-            return b"".join(
-                answer
-                for packet in self._reader.feed(noisy)
-                for answer in self._answers(packet, now)
-            )
-
-    def pause(self) -> None:
-        """Discard an incomplete packet, as servos do after a pause."""
-        with self.lock:
-            self._reader.drop()
-
-    def _passed(self, packet: bytes) -> bytes:
-        """Return a packet after transmission, with faults; empty if it is lost."""
-        if self.cut or self._random.random() < self.drop or not packet:
-            return b""
-        if self.lose_next:
-            self.lose_next -= 1
-            return b""
-        if self._random.random() < self.corrupt:
-            changed = bytearray(packet)
-            changed[self._random.randrange(len(packet))] ^= self._random.randint(1, 255)
-            return bytes(changed)
-        return packet
 
     def _answers(self, packet: Packet, now: float) -> Iterator[bytes]:
         """Yield what arrives of the answers to a packet."""
@@ -225,11 +160,6 @@ class EmulatedBus:
             for device in self._alive([data[0]]) if len(data) >= end else ():
                 device.write(block.address, data[_HEAD + 1 : end])
             data = data[end:]
-
-    def _alive(self, numbers: Iterable[int]) -> Iterator[Any]:
-        for number in numbers:
-            if number in self.devices and number not in self.dead:
-                yield self.devices[number]
 
 
 def _block(data: bytes) -> Block:

@@ -1,23 +1,20 @@
-"""Emulated devices: an X-series servo with table, motion and watchdog; an IMU."""
+"""An emulated X-series servo: table, motion and watchdog."""
 
 import math
 import struct
 from bisect import bisect_left
 
-import numpy as np
-
 from gaitchain.backends.dynamixel import control_table as table
-from gaitchain.backends.dynamixel.calibration import ImuCalibration
-from gaitchain.backends.dynamixel.control_table import Block
-from gaitchain.backends.dynamixel.emulator.motor import Motor
-from gaitchain.backends.dynamixel.emulator.servo import TableServo
-from gaitchain.messages import GRAVITY, Array
+from gaitchain.backends.servos.emulator.imu import EmulatedImu
+from gaitchain.backends.servos.emulator.motor import Motor
+from gaitchain.backends.servos.emulator.servo import TableServo
+from gaitchain.backends.servos.table import COUNTS, Block
 
 OK, RESULT_FAIL, RANGE, LENGTH, LIMIT, ACCESS = 0, 1, 4, 5, 6, 7
 """Error codes of a status packet."""
 _SIZE, _IMU_SIZE = 662, 1100  # bytes of the tables
 _RAM = 64  # lower addresses are EEPROM, which can only be written with torque off
-_COUNTS_PER_RAD = table.COUNTS / (2.0 * math.pi)
+_COUNTS_PER_RAD = COUNTS / (2.0 * math.pi)
 _AMPERES_PER_RAD, _MOST_COUNTS, _MOST_INT16 = 20.0, 1193, 2**15 - 1
 # Address: size, least and largest value.
 _FIELDS = {
@@ -26,8 +23,8 @@ _FIELDS = {
     table.OPERATING_MODE.address: (1, 0, 16),
     table.TEMPERATURE_LIMIT.address: (1, 0, 100),
     table.PWM_LIMIT.address: (2, 0, table.FULL_PWM),
-    table.HIGHEST_POSITION.address: (4, 0, table.COUNTS - 1),
-    table.LOWEST_POSITION.address: (4, 0, table.COUNTS - 1),
+    table.HIGHEST_POSITION.address: (4, 0, COUNTS - 1),
+    table.LOWEST_POSITION.address: (4, 0, COUNTS - 1),
     table.TORQUE.address: (1, 0, 1),
     65: (1, 0, 1),
     table.STATUS_LEVEL.address: (1, 0, 2),
@@ -37,13 +34,13 @@ _FIELDS = {
     102: (2, 0, 2**16 - 1),
     104: (4, 0, 2**32 - 1),
     **dict.fromkeys((table.PROFILE.address, table.PROFILE.address + 4), (4, 0, 32767)),
-    table.GOAL.address: (4, 0, table.COUNTS - 1),
+    table.GOAL.address: (4, 0, COUNTS - 1),
 }
 _STARTS = sorted(_FIELDS)
 _GOALS = {*range(table.GOAL_PWM.address, table.PROFILE.address), table.GOAL.address}
 
 
-class EmulatedServo(TableServo):
+class EmulatedXSeries(TableServo):
     """A servo that follows its goal with a first-order lag and limited speed.
 
     Its motion is computed when the servo is accessed. It answers pings, from status
@@ -83,7 +80,7 @@ class EmulatedServo(TableServo):
         self.put(table.OPERATING_MODE, table.POSITION_MODE)
         self.put(table.TEMPERATURE_LIMIT, 80)
         self.put(table.PWM_LIMIT, table.FULL_PWM)
-        self.put(table.HIGHEST_POSITION, table.COUNTS - 1)
+        self.put(table.HIGHEST_POSITION, COUNTS - 1)
         self.reboot()
 
     def reboot(self) -> None:
@@ -93,7 +90,7 @@ class EmulatedServo(TableServo):
         self.put(table.GOAL_PWM, self._get(table.PWM_LIMIT))
         self.put(table.VOLTAGE, 120)
         self.put(table.TEMPERATURE, 35)
-        self.put(table.GOAL, round(self._motor.position) % table.COUNTS)
+        self.put(table.GOAL, round(self._motor.position) % COUNTS)
 
     @property
     def ping_data(self) -> bytes:
@@ -209,54 +206,5 @@ class EmulatedServo(TableServo):
         self._table[table.PRESENT.address : table.PRESENT.end] = present
 
 
-class EmulatedImu:
-    """A gyro and an accelerometer, mounted as in a calibration."""
-
-    alert, status_level = 0, 2
-    ping_data = (0x7400).to_bytes(2, "little") + b"\x05"
-
-    def __init__(self, calibration: ImuCalibration) -> None:
-        """Start upright and at rest."""
-        self.number = calibration.id
-        self.angular_velocity: Array = np.zeros(3)
-        """(3,) angular velocity in the trunk's frame [rad/s]."""
-        self.acceleration: Array = np.array([0.0, 0.0, GRAVITY])
-        """(3,) acceleration with gravity in the trunk's frame [m/s^2]."""
-        self.noise = 0.0
-        """Standard deviation of what it measures [counts]."""
-        self._as = calibration
-        self._random = np.random.default_rng(calibration.id)
-
-    def hear(self, now: float) -> None:
-        """Do nothing: the IMU has no watchdog."""
-
-    def reboot(self) -> None:
-        """Do nothing: the IMU has no state to reset."""
-
-    def write(self, address: int, data: bytes) -> int:
-        """Return an access error: the table is read-only."""
-        return ACCESS
-
-    def read(self, block: Block) -> tuple[int, bytes]:
-        """Return the error and a block of the table."""
-        memory, mounted = bytearray(_IMU_SIZE), self._as
-        if block.end > _IMU_SIZE:
-            return ACCESS, b""
-        for address, scale, vector in (
-            (mounted.gyro, mounted.gyro_scale, self.angular_velocity),
-            (mounted.accelerometer, mounted.accelerometer_scale, self.acceleration),
-        ):
-            counts = mounted.turn.T @ vector / scale
-            data = self._packed(counts + self._random.normal(0.0, self.noise, 3))
-            memory[address : address + len(data)] = data
-        return OK, bytes(memory[block.address : block.end])
-
-    def _packed(self, counts: Array) -> bytes:
-        if self._as.format == "float32":
-            return struct.pack("<3f", *counts)
-        whole = np.clip(np.round(counts), -_MOST_INT16, _MOST_INT16).astype(int)
-        return struct.pack("<3h", *whole)
-
-
-Device = EmulatedServo | EmulatedImu
+Device = EmulatedXSeries | EmulatedImu
 """A device on the bus."""

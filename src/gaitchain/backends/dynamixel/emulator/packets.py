@@ -1,10 +1,10 @@
 """Protocol 2.0 packets of the emulated servos, implemented without the SDK's code."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+from gaitchain.backends.servos.emulator.bus import Packet
 
 HEADER = b"\xff\xff\xfd"
-BROADCAST = 254
 STATUS = 0x55
 _HEAD = 7  # bytes of header, reserved, id and length
 MOST = 1024
@@ -25,17 +25,6 @@ def _crc_table() -> tuple[int, ...]:
 
 
 _TABLE = _crc_table()
-
-
-@dataclass(frozen=True)
-class Packet:
-    """A packet that has arrived completely."""
-
-    number: int
-    """Id of the receiver, or of the sender of a status packet."""
-    instruction: int
-    data: bytes
-    """Parameters; in a status packet the error comes first."""
 
 
 def crc16(data: bytes) -> int:

@@ -7,13 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from servo_bench import PATIENT_S, RES, few, mounted_oddly, patient_bus
 
-from gaitchain.backends.dynamixel import (
-    DynamixelBackend,
+from gaitchain.backends.makes import MAKES
+from gaitchain.backends.servos import (
+    ServoBackend,
     ServoBusEmulator,
     load_calibration,
     save_calibration,
 )
-from gaitchain.backends.dynamixel.calibration import (
+from gaitchain.backends.servos.calibration import (
     Calibration,
     ImuCalibration,
     JointCalibration,
@@ -22,11 +23,10 @@ from gaitchain.backends.dynamixel.calibration import (
     check_robot,
     plain_calibration,
 )
-from gaitchain.backends.dynamixel.calibration_file import (
+from gaitchain.backends.servos.calibration_file import (
     calibration_text,
     parse_calibration,
 )
-from gaitchain.backends.makes import MAKES
 from gaitchain.errors import CalibrationError
 
 IMU = ImuCalibration(200, 38, 44, 0.001065, 0.000598, axes=("-y", "x", "z"))
@@ -150,7 +150,7 @@ def test_what_may_be_asked_of_an_imu_comes_in_one_answer(format_, size):
     calibration = msgspec.structs.replace(calibration, imu=imu)
     check_calibration(calibration, "robot.toml")
     with patient_bus(), ServoBusEmulator.like(calibration) as bus:
-        robot = DynamixelBackend(bus.port, calibration, ["a"], PATIENT_S)
+        robot = ServoBackend(bus.port, calibration, ["a"], PATIENT_S)
         robot.connect(np.zeros(1))
         try:
             assert robot.read().acceleration == pytest.approx(

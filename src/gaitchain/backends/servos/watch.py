@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gaitchain.backends.dynamixel.bus import Heard, ServoBus
-from gaitchain.backends.dynamixel.make import DYNAMIXEL, Make
-from gaitchain.backends.dynamixel.servos import ServoSetup
+from gaitchain.backends.servos.bus import Heard, ServoBus
+from gaitchain.backends.servos.make import Make
+from gaitchain.backends.servos.setup import ServoSetup
 from gaitchain.messages import Array
 
 # Missed answers in a row, while others answered, that mean off the bus.
@@ -23,7 +23,7 @@ class ServoWatch:
         self,
         labels: Mapping[int, str],
         setups: Sequence[ServoSetup],
-        make: Make = DYNAMIXEL,
+        make: Make,
     ) -> None:
         """Begin without errors.
 

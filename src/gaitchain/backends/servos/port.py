@@ -1,11 +1,11 @@
-"""A serial port that the DYNAMIXEL SDK's packet handler can use in a control loop."""
+"""A serial port that the makes' SDKs can use in a control loop."""
 
 import contextlib
 import os
 from importlib import import_module
 from typing import Any
 
-from gaitchain.backends.dynamixel.stall_free import StallFreeClock
+from gaitchain.backends.servos.stall_free import StallFreeClock
 from gaitchain.errors import BackendError, needed_by
 
 _SLICE_S = 0.001  # longest wait for bytes between two checks of the packet's timeout
@@ -16,12 +16,12 @@ BITS = 10.0
 
 
 class ServoPort:
-    """A replacement of the SDK's `PortHandler`, with bounded waits.
+    """A replacement of the SDKs' `PortHandler`, with bounded waits.
 
-    The SDK's own class waits at least 34 ms, over three control periods, for each
+    ROBOTIS' own class waits at least 34 ms, over three control periods, for each
     missing packet; polls the port in a busy loop, which occupies one core; uses the
     wall clock, which may jump and runs on while the computer is held up; and blocks
-    forever on a port that accepts no bytes. The method names are those of the SDK.
+    forever on a port that accepts no bytes. The method names are those of the SDKs.
     """
 
     def __init__(self, name: str, baud: int, patience_s: float) -> None:
@@ -35,7 +35,7 @@ class ServoPort:
 
         Raises:
             BackendError: the port cannot be opened.
-            MissingExtraError: the SDK is not installed.
+            MissingExtraError: pyserial is not installed.
         """
         self.is_using = False
         self.patience_s = patience_s
@@ -93,19 +93,9 @@ class ServoPort:
         return self.now() - self._start_s > self._timeout_s
 
 
-def sdk() -> Any:
-    """Import the DYNAMIXEL SDK and return the module.
-
-    Raises:
-        MissingExtraError: the SDK is not installed.
-    """
-    with needed_by("a DYNAMIXEL servo"):
-        return import_module("dynamixel_sdk")
-
-
 def _open(name: str, baud: int) -> Any:
-    sdk()  # its installation includes pyserial
-    serial = import_module("serial")
+    with needed_by("a servo bus"):
+        serial = import_module("serial")
     try:
         port = serial.Serial(
             name, baud, timeout=_SLICE_S, write_timeout=1.0, exclusive=True

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from gaitchain.backends.dynamixel.calibration import (
+from gaitchain.backends.servos.calibration import (
     Calibration,
     ImuCalibration,
     JointCalibration,

@@ -22,8 +22,6 @@ from servo_bench import (
     patient_bus,
 )
 
-from gaitchain.backends.dynamixel import DynamixelBackend, ServoBusEmulator
-from gaitchain.backends.dynamixel.calibration import ImuCalibration
 from gaitchain.backends.dynamixel.control_table import (
     GOAL,
     GOAL_PWM,
@@ -35,9 +33,11 @@ from gaitchain.backends.dynamixel.control_table import (
     STATUS_LEVEL,
     TEMPERATURE,
     WATCHDOG_TRIPPED,
-    Block,
 )
 from gaitchain.backends.makes import MAKES
+from gaitchain.backends.servos import ServoBackend, ServoBusEmulator
+from gaitchain.backends.servos.calibration import ImuCalibration
+from gaitchain.backends.servos.table import Block
 from gaitchain.errors import BackendError, CalibrationError
 
 pytest.importorskip("dynamixel_sdk")
@@ -105,7 +105,7 @@ def test_the_joints_come_in_the_walkers_order():
     calibration = few(3)
     emulated = ServoBusEmulator.like(calibration, np.array([0.1, 0.2, 0.3]))
     with patient_bus(), emulated as bus:
-        robot = DynamixelBackend(bus.port, calibration, ("c", "a"), PATIENT_S)
+        robot = ServoBackend(bus.port, calibration, ("c", "a"), PATIENT_S)
         robot.connect(np.zeros(2))
         assert robot.read().joint_position == pytest.approx([0.3, 0.1], abs=STEP)
         robot.close()
@@ -270,7 +270,7 @@ def test_what_can_be_reached_is_let_go_of_though_the_rest_is_missing():
     with bench(few(3)) as (bus, robot, _):
         robot.engage()
         bus.kill(1)
-        follower = DynamixelBackend(bus.port, few(3), tuple("abc"), PATIENT_S)
+        follower = ServoBackend(bus.port, few(3), tuple("abc"), PATIENT_S)
         robot._bus.close()  # as when its program is killed
         with pytest.raises(BackendError, match=r"no answer from a \(id 1\)"):
             follower.connect(np.zeros(3))
@@ -362,10 +362,10 @@ def test_killing_the_program_stops_the_servos():
     """As `kill -9` does; only the servos themselves can."""
     program = (
         "import sys, numpy as np\n"
-        "from gaitchain.backends.dynamixel import DynamixelBackend\n"
+        "from gaitchain.backends.servos import ServoBackend\n"
         "from servo_bench import PATIENT_S, few, patient_bus\n"
         "with patient_bus():\n"
-        "    robot = DynamixelBackend(sys.argv[1], few(2), ('a', 'b'), PATIENT_S)\n"
+        "    robot = ServoBackend(sys.argv[1], few(2), ('a', 'b'), PATIENT_S)\n"
         "    robot.connect(np.zeros(2)); robot.engage()\n"
         "    while True:\n"
         "        robot.write(np.zeros(2)); robot.read(); print('walking', flush=True)\n"
@@ -522,7 +522,7 @@ def test_what_is_not_as_it_should_be_is_refused(change, said):
 def test_another_model_than_the_calibrations_is_refused():
     with ServoBusEmulator.like(few(2)) as bus:
         calibration = few(2, model="xl430-w250")
-        robot = DynamixelBackend(bus.port, calibration, ("a", "b"), PATIENT_S)
+        robot = ServoBackend(bus.port, calibration, ("a", "b"), PATIENT_S)
         with pytest.raises(BackendError, match=r"a \(id 1\) is a xm430.*says xl430"):
             robot.connect(np.zeros(2))
 
@@ -539,18 +539,18 @@ def test_a_servo_of_another_kind_is_refused():
 def test_a_bus_too_slow_for_the_period_is_refused():
     with bench(few(6)) as (bus, _, _):
         calibration = TURN(few(6), baud=57_600)
-        robot = DynamixelBackend(bus.port, calibration, tuple("abcdef"), 0.01)
+        robot = ServoBackend(bus.port, calibration, tuple("abcdef"), 0.01)
         with pytest.raises(BackendError, match="has it"):
             robot.connect(np.zeros(6))
     with ServoBusEmulator.like(few(6)) as bus:
-        robot = DynamixelBackend(bus.port, calibration, tuple("abcdef"), 0.01)
+        robot = ServoBackend(bus.port, calibration, tuple("abcdef"), 0.01)
         with pytest.raises(BackendError, match=r"takes 3\d\.\d ms.*80% of.*10 ms"):
             robot.connect(np.zeros(6))
 
 
 def test_a_joint_without_a_servo_is_refused():
     with pytest.raises(CalibrationError, match="z missing"):
-        DynamixelBackend("port", few(2), ("a", "z"), 0.01)
+        ServoBackend("port", few(2), ("a", "z"), 0.01)
 
 
 def test_a_pulled_plug_is_said_and_connecting_again_recovers():
@@ -707,7 +707,7 @@ def test_an_imu_is_asked_though_the_wait_for_servos_is_used_up(monkeypatch):
     with bench(TURN(few(2), imu=IMU)) as (bus, robot, _):
         bus.bus.fast = False
         for name, wait_s in (("_IDLE_PATIENCE_S", 1.2), ("_MISSING_WAIT_S", 2.0)):
-            monkeypatch.setattr(f"gaitchain.backends.dynamixel.backend.{name}", wait_s)
+            monkeypatch.setattr(f"gaitchain.backends.servos.backend.{name}", wait_s)
         robot.connect(np.zeros(2))
         assert not robot.load.fast
         assert robot.health().note == ""

@@ -2,8 +2,8 @@
 
 from typing import ClassVar
 
-from gaitchain.backends.dynamixel.control_table import DEG_PER_COUNT, Block
-from gaitchain.backends.dynamixel.emulator.motor import Motor
+from gaitchain.backends.servos.emulator.motor import Motor
+from gaitchain.backends.servos.table import DEG_PER_COUNT, Block
 
 
 class TableServo:

@@ -10,21 +10,22 @@ import numpy as np
 import pytest
 from servo_bench import TURN, few
 
-from gaitchain.backends.dynamixel import ServoBusEmulator
-from gaitchain.backends.dynamixel.bus import ServoBus
 from gaitchain.backends.dynamixel.control_table import (
     GOAL,
     POSITION,
     PRESENT,
     PRESENT_FORMAT,
     TORQUE,
-    Block,
 )
 from gaitchain.backends.dynamixel.emulator.packets import STATUS, encode
-from gaitchain.backends.dynamixel.make import make_named
-from gaitchain.backends.dynamixel.port import ServoPort
-from gaitchain.backends.dynamixel.search import opened, parse_ids
+from gaitchain.backends.dynamixel.make import MAKE
 from gaitchain.backends.makes import MAKES
+from gaitchain.backends.servos import ServoBusEmulator
+from gaitchain.backends.servos.bus import ServoBus
+from gaitchain.backends.servos.make import make_named
+from gaitchain.backends.servos.port import ServoPort
+from gaitchain.backends.servos.search import opened, parse_ids
+from gaitchain.backends.servos.table import Block
 from gaitchain.errors import BackendError, CommandError, MissingExtraError
 
 PATIENT_S, BUDGET_S = 0.2, 3.0
@@ -39,7 +40,7 @@ def emulator():
 
 @pytest.fixture
 def bus(emulator):
-    bus = ServoBus(emulator.port, 1_000_000, PATIENT_S)
+    bus = ServoBus(emulator.port, 1_000_000, PATIENT_S, make=MAKE)
     bus.open()
     yield bus
     bus.close()
@@ -201,7 +202,7 @@ def test_a_lost_port_is_said_and_closed(emulator, bus):
 
 
 def test_a_port_is_for_one_program(emulator, bus):
-    second = ServoBus(emulator.port, 1_000_000, PATIENT_S)
+    second = ServoBus(emulator.port, 1_000_000, PATIENT_S, make=MAKE)
     with pytest.raises(BackendError, match="no other program has it"):
         second.open()
 
@@ -209,19 +210,19 @@ def test_a_port_is_for_one_program(emulator, bus):
 def test_without_the_sdk_it_says_what_to_install(emulator, monkeypatch):
     monkeypatch.setitem(sys.modules, "dynamixel_sdk", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'gaitchain\[servos\]'"):
-        ServoBus(emulator.port, 1_000_000, PATIENT_S).open()
+        ServoBus(emulator.port, 1_000_000, PATIENT_S, make=MAKE).open()
 
 
 def test_the_sdk_is_loaded_only_when_a_port_is_opened():
     code = (
-        "import sys, gaitchain.backends.dynamixel; "
+        "import sys, gaitchain.backends.servos; "
         "assert not {'serial', 'dynamixel_sdk', 'mujoco'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_a_bus_is_searched_at_the_usual_rates(emulator):
-    with opened(emulator.port, [57_600], [2, 9]) as (bus, baud, models):
+    with opened(emulator.port, [57_600], [2, 9], MAKE) as (bus, baud, models):
         assert (baud, models) == (57_600, {2: 1020})
         assert bus.is_open
     assert not bus.is_open
@@ -231,16 +232,16 @@ def test_a_bus_is_searched_at_the_usual_rates(emulator):
             BackendError,
             match=r"nobody answers at 9600, 57600 bit/s; .* make \(--make\)",
         ),
-        opened(emulator.port, [9600, 57_600], [1]),
+        opened(emulator.port, [9600, 57_600], [1], MAKE),
     ):
         pass
 
 
 def test_ids_are_read():
-    assert parse_ids("1-3, 200") == [1, 2, 3, 200]
+    assert parse_ids("1-3, 200", MAKE) == [1, 2, 3, 200]
     for text in ("", "a", "3-1", "253", "1-", "-1", "1-2-3", "²"):
         with pytest.raises(CommandError, match="--ids"):
-            parse_ids(text)
+            parse_ids(text, MAKE)
 
 
 class Memory(ServoPort):
@@ -292,7 +293,7 @@ def test_what_must_succeed_waits_twice_as_long_at_each_attempt(late_s, found):
     port = Late("late", 1_000_000, 0.01)
     port.late_s, value = late_s, bytes(GOAL.size)
     port.next = encode(1, STATUS, b"\0" + value)
-    bus = ServoBus("late", 1_000_000, 0.01, lambda *_: port)
+    bus = ServoBus("late", 1_000_000, 0.01, lambda *_: port, make=MAKE)
     bus.open()
     assert bus.read_surely([1], GOAL) == ({1: value} if found else {})
     port.next = encode(1, STATUS, b"\0" + (1020).to_bytes(2, "little") + b"\0")
@@ -308,7 +309,11 @@ def test_a_hundred_thousand_odd_answers_do_no_harm():
     rng = random.Random(11)
     made = []
     bus = ServoBus(
-        "memory", 1_000_000, 0.0, lambda *a: made.append(Memory(*a)) or made[0]
+        "memory",
+        1_000_000,
+        0.0,
+        lambda *a: made.append(Memory(*a)) or made[0],
+        make=MAKE,
     )
     bus.open()
     memory, packets, whole = made[0], 0, 0
@@ -386,7 +391,7 @@ def test_behind_a_dead_servo_fast_sync_reads_still_find_the_others(emulator, bus
 @pytest.mark.parametrize("seed", range(3))
 def test_no_byte_of_a_corrupted_fast_answer_is_believed(seed):
     with ServoBusEmulator.like(few(4), seed=seed) as emulator:
-        bus = ServoBus(emulator.port, 1_000_000, 0.02)
+        bus = ServoBus(emulator.port, 1_000_000, 0.02, make=MAKE)
         bus.open()
         try:
             bus.try_fast([1, 2, 3, 4])

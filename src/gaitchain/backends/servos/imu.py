@@ -4,9 +4,9 @@ import struct
 
 import numpy as np
 
-from gaitchain.backends.dynamixel.bus import ServoBus
-from gaitchain.backends.dynamixel.calibration import ImuCalibration
-from gaitchain.backends.dynamixel.control_table import Block
+from gaitchain.backends.servos.bus import ServoBus
+from gaitchain.backends.servos.calibration import ImuCalibration
+from gaitchain.backends.servos.table import Block
 from gaitchain.errors import BackendError
 from gaitchain.messages import Array
 

@@ -14,14 +14,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gaitchain.backends.dynamixel.calibration import Calibration
-from gaitchain.backends.dynamixel.emulator.bus import EmulatedBus
-from gaitchain.backends.dynamixel.emulator.devices import (
-    EmulatedImu,
-    EmulatedServo,
-)
-from gaitchain.backends.dynamixel.make import DYNAMIXEL, Make, make_named
-from gaitchain.backends.dynamixel.stall_free import StallFreeClock
+from gaitchain.backends.servos.calibration import Calibration
+from gaitchain.backends.servos.emulator.bus import EmulatedBus
+from gaitchain.backends.servos.emulator.imu import EmulatedImu
+from gaitchain.backends.servos.make import Make, make_named
+from gaitchain.backends.servos.stall_free import StallFreeClock
 from gaitchain.errors import BackendError, temporary_folder
 from gaitchain.messages import Array
 from gaitchain.robot.leg_model import LegModel
@@ -40,9 +37,7 @@ class Kinds(NamedTuple):
 
 
 def _kinds(make: Make) -> Kinds:
-    """Return what emulates a make, others than this package's imported when asked."""
-    if make is DYNAMIXEL:
-        return Kinds(EmulatedServo, EmulatedBus)
+    """Return what emulates a make, imported when asked for."""
     found: Kinds = import_module(f"gaitchain.backends.{make.name}.emulator").KINDS
     return found
 

@@ -2,35 +2,22 @@
 
 import contextlib
 import logging
-import math
 import time
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from gaitchain.backends.base import LinkHealth
-from gaitchain.backends.dynamixel import control_table as table
-from gaitchain.backends.dynamixel.angles import ServoAngles
-from gaitchain.backends.dynamixel.bus import ServoBus
-from gaitchain.backends.dynamixel.bus_load import SHARE, BusLoad
-from gaitchain.backends.dynamixel.calibration import (
-    MOST_PWM,
-    Calibration,
-    check_joints,
-)
-from gaitchain.backends.dynamixel.imu import BusImu
-from gaitchain.backends.dynamixel.make import OFF, make_named
-from gaitchain.backends.dynamixel.servos import (
-    ServoSetup,
-    bus_load,
-    goal_bytes,
-    hold_here,
-    label,
-    let_go,
-    make_limp,
-)
-from gaitchain.backends.dynamixel.watch import ServoWatch
-from gaitchain.backends.dynamixel.wire import Answer
+from gaitchain.backends.servos.angles import ServoAngles
+from gaitchain.backends.servos.bus import ServoBus
+from gaitchain.backends.servos.bus_load import SHARE, BusLoad
+from gaitchain.backends.servos.calibration import MOST_PWM, Calibration, check_joints
+from gaitchain.backends.servos.imu import BusImu
+from gaitchain.backends.servos.make import OFF, make_named
+from gaitchain.backends.servos.setup import ServoSetup, bus_load, label
+from gaitchain.backends.servos.torque import goal_bytes, hold_here, let_go, make_limp
+from gaitchain.backends.servos.watch import ServoWatch
+from gaitchain.backends.servos.wire import Answer
 from gaitchain.errors import BackendError, ServosStoppedError
 from gaitchain.messages import GRAVITY, Array, Sensors
 
@@ -45,8 +32,8 @@ _MARGIN = 0.9  # of the watchdog time, from which a stop of the servos is assume
 _UPRIGHT = np.array([0.0, 0.0, GRAVITY])
 
 
-class DynamixelBackend:
-    """X-series servos, read by one sync read and driven by one sync write.
+class ServoBackend:
+    """Servos of a make, read by one sync read and driven by one sync write.
 
     Without an IMU on the same bus, named in the calibration, `has_imu` is False and
     the robot is reported as upright and still. Not thread-safe.
@@ -87,13 +74,11 @@ class DynamixelBackend:
         self._port, self._baud = port, calibration.baud
         self._make = make_named(calibration.make)
         self._period_s = period_s
-        units = math.ceil(watchdog_s / table.WATCHDOG_UNIT_S - 1e-9)
-        self._watchdog = min(max(units, 1), table.WATCHDOG_MOST)
-        self._stops_s = self._watchdog * table.WATCHDOG_UNIT_S
+        self._stops_s = self._make.watchdog_time_s(watchdog_s)
         self._angles = ServoAngles(list(self._joints.values()), self._make)
         self._imu = None if calibration.imu is None else BusImu(calibration.imu)
         self._bus = ServoBus(port, self._baud, _IDLE_PATIENCE_S, make=self._make)
-        self._watch = ServoWatch({}, [])
+        self._watch = ServoWatch({}, [], self._make)
         self._amperes: Array = np.full(len(self._ids), np.nan)
         self._loads: Array = self._amperes
         self.load = BusLoad(len(self._ids), calibration.baud, make=self._make)
@@ -237,7 +222,7 @@ class DynamixelBackend:
                     n: min(p, self._most_pwm) for n, p in self._pwm_limits.items()
                 }
                 joints, angles = self._joints, self._angles
-                hold_here(self._bus, joints, angles, self._watchdog, limits)
+                hold_here(self._bus, joints, angles, self._stops_s, limits)
         except BackendError:
             self.release()
             raise

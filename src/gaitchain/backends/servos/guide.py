@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gaitchain.backends.dynamixel import control_table as table
-from gaitchain.backends.dynamixel.angles import shortest_turn_deg
-from gaitchain.backends.dynamixel.bus import ServoBus
-from gaitchain.backends.dynamixel.calibration import TURN_DEG, JointCalibration
-from gaitchain.backends.dynamixel.servos import ServoSetup
+from gaitchain.backends.servos.angles import shortest_turn_deg
+from gaitchain.backends.servos.bus import ServoBus
+from gaitchain.backends.servos.calibration import TURN_DEG, JointCalibration
+from gaitchain.backends.servos.setup import ServoSetup
+from gaitchain.backends.servos.table import COUNTS, DEG_PER_COUNT
 from gaitchain.errors import BackendError, CommandError
 from gaitchain.messages import Array
 from gaitchain.robot.leg_model import LegModel
@@ -131,8 +131,8 @@ def joint_at(
         limits: limits of the joint [deg]; narrowed to the servo's range.
     """
     setup, sign = mounted.setup, mounted.sign
-    offset = round((counts % table.COUNTS) * table.DEG_PER_COUNT - sign * angle, 3)
-    ends = (setup.lowest * table.DEG_PER_COUNT, setup.highest * table.DEG_PER_COUNT)
+    offset = round((counts % COUNTS) * DEG_PER_COUNT - sign * angle, 3)
+    ends = (setup.lowest * DEG_PER_COUNT, setup.highest * DEG_PER_COUNT)
     low, high = sorted(sign * (end - offset) for end in ends)
     return JointCalibration(
         id=mounted.id,
@@ -147,13 +147,13 @@ def joint_at(
 def ends_at_zero(joint: JointCalibration) -> bool:
     """Return whether a joint's limits reach its servo's zero, where a turn ends."""
     low, high = joint.servo_range
-    last = TURN_DEG - table.DEG_PER_COUNT
-    return low < table.DEG_PER_COUNT or high > last - table.DEG_PER_COUNT
+    last = TURN_DEG - DEG_PER_COUNT
+    return low < DEG_PER_COUNT or high > last - DEG_PER_COUNT
 
 
 def angle_of(joint: JointCalibration, counts: int) -> float:
     """Return the joint angle [deg] at a servo's position in counts."""
-    angle = joint.sign * (counts * table.DEG_PER_COUNT - joint.offset)
+    angle = joint.sign * (counts * DEG_PER_COUNT - joint.offset)
     middle = 0.5 * (joint.lower + joint.upper)
     return float((angle - middle + 180.0) % 360.0 - 180.0 + middle)
 

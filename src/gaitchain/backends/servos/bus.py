@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from statistics import median
 from typing import NamedTuple
 
-from gaitchain.backends.dynamixel.control_table import Block
-from gaitchain.backends.dynamixel.make import DYNAMIXEL, Make
-from gaitchain.backends.dynamixel.port import ServoPort
-from gaitchain.backends.dynamixel.wire import SUCCESS, Answer, Wire
+from gaitchain.backends.servos.make import Make
+from gaitchain.backends.servos.port import ServoPort
+from gaitchain.backends.servos.table import Block
+from gaitchain.backends.servos.wire import SUCCESS, Answer, Wire
 from gaitchain.errors import BackendError
 
 try:
@@ -54,7 +54,7 @@ class ServoBus:
         patience_s: float,
         ports: Callable[[str, int, float], ServoPort] = ServoPort,
         *,
-        make: Make = DYNAMIXEL,
+        make: Make,
     ) -> None:
         """Set up the bus; the port is not opened yet.
 

@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
-from gaitchain.backends.dynamixel.bus import ServoBus
-from gaitchain.backends.dynamixel.make import DYNAMIXEL, Make
+from gaitchain.backends.servos.bus import ServoBus
+from gaitchain.backends.servos.make import Make
 from gaitchain.errors import BackendError, CommandError
 
 _PATIENCE_S, _EACH_S = 0.05, 0.01  # the latter where all ids are asked in turn
@@ -15,7 +15,7 @@ def opened(
     port: str,
     bauds: Sequence[int] | None,
     ids: Iterable[int] | None,
-    make: Make = DYNAMIXEL,
+    make: Make,
 ) -> Iterator[tuple[ServoBus, int, dict[int, int]]]:
     """Open a port at the first rate at which a device answers.
 
@@ -53,7 +53,7 @@ def opened(
     )
 
 
-def parse_ids(text: str, make: Make = DYNAMIXEL) -> list[int]:
+def parse_ids(text: str, make: Make) -> list[int]:
     """Parse ids such as "1-12,200".
 
     Args:

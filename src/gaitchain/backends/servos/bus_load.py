@@ -4,11 +4,10 @@ In each period all servos are read, then the IMU and the status of one servo, an
 goals are written; a write is not answered.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
-from gaitchain.backends.dynamixel.make import DYNAMIXEL, Make
-from gaitchain.backends.dynamixel.port import BITS
-from gaitchain.backends.dynamixel.wire import FAST_FRAME, FAST_HEAD
+from gaitchain.backends.servos.make import Make
+from gaitchain.backends.servos.port import BITS
 from gaitchain.errors import BackendError
 
 SHARE = 0.8
@@ -34,7 +33,7 @@ class BusLoad:
     """Whether all servos answer a read in one packet."""
     imu_bytes: int = 0
     """Data of a read of the IMU; 0 without an IMU."""
-    make: Make = DYNAMIXEL
+    make: Make = field(kw_only=True)
     turn_s: float = TURN_S
     """From the end of a request to its answer at the program, without delay_s [s]."""
 
@@ -44,7 +43,7 @@ class BusLoad:
         wire, size = self.make.wire, self.make.present.size
         answers = self.servos * (wire.frame + size)
         if self.fast:
-            answers = FAST_HEAD + self.servos * (FAST_FRAME + size)
+            answers = wire.fast_size(self.servos, self.make.present)
         sent = wire.request + self.servos
         return self._line_s(sent + answers) + self.servos * self.delay_s + self.turn_s
 

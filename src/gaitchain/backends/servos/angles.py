@@ -6,12 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gaitchain.backends.dynamixel.calibration import TURN_DEG, JointCalibration
-from gaitchain.backends.dynamixel.control_table import (
-    COUNTS,
-    DEG_PER_COUNT,
-)
-from gaitchain.backends.dynamixel.make import DYNAMIXEL, Make
+from gaitchain.backends.servos.calibration import TURN_DEG, JointCalibration
+from gaitchain.backends.servos.make import Make
+from gaitchain.backends.servos.table import COUNTS, DEG_PER_COUNT
 from gaitchain.messages import Array
 
 Counts = NDArray[np.int64]
@@ -22,9 +19,7 @@ _TURN = 2.0 * math.pi
 class ServoAngles:
     """The conversion for the joints of one bus, in the order of the arrays (n,)."""
 
-    def __init__(
-        self, joints: Sequence[JointCalibration], make: Make = DYNAMIXEL
-    ) -> None:
+    def __init__(self, joints: Sequence[JointCalibration], make: Make) -> None:
         """Compute signs, offsets and limits from the joints' calibrations."""
         self._rad_s_per_count = make.rad_s_per_count
         self.sign: Array = np.array([float(joint.sign) for joint in joints])

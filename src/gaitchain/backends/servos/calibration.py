@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal
 import msgspec
 import numpy as np
 
-from gaitchain.backends.dynamixel.make import make_named
 from gaitchain.backends.makes import LEAST_BAUD, MOST_BAUD, MakeName
+from gaitchain.backends.servos.make import make_named
 from gaitchain.errors import CalibrationError
 from gaitchain.robot.robot import Robot
 
@@ -41,7 +41,7 @@ class JointCalibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Lower limit of the joint targets [deg]."""
     upper: _Angle
     model: str = ""
-    """Servo model, such as "xm430-w350"; empty for any X-series servo."""
+    """Servo model, such as "xm430-w350"; empty for any of the make."""
     pwm_limit: Annotated[float, msgspec.Meta(ge=1.0, le=MOST_PWM)] = MOST_PWM
     """Largest part of the supply voltage at the motor, which limits torque [%]."""
 

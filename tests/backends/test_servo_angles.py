@@ -5,10 +5,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from servo_bench import mounted_oddly
 
-from gaitchain.backends.dynamixel.angles import ServoAngles, shortest_turn_deg
-from gaitchain.backends.dynamixel.calibration import JointCalibration
-from gaitchain.backends.dynamixel.control_table import COUNTS, DEG_PER_COUNT
-from gaitchain.backends.dynamixel.guide import angle_of
+from gaitchain.backends.dynamixel.make import MAKE
+from gaitchain.backends.servos.angles import ServoAngles, shortest_turn_deg
+from gaitchain.backends.servos.calibration import JointCalibration
+from gaitchain.backends.servos.guide import angle_of
+from gaitchain.backends.servos.table import COUNTS, DEG_PER_COUNT
 
 _COUNT_RAD = np.radians(DEG_PER_COUNT)
 
@@ -26,7 +27,7 @@ def joints(draw):
 
 @given(joints(), st.floats(0.0, 1.0))
 def test_an_angle_within_the_limits_comes_back(joint, part):
-    angles = ServoAngles([joint])
+    angles = ServoAngles([joint], MAKE)
     asked = np.radians([joint.lower + part * (joint.upper - joint.lower)])
     goal = angles.goals(asked)
     assert np.all((goal >= 0) & (goal < COUNTS))
@@ -36,7 +37,7 @@ def test_an_angle_within_the_limits_comes_back(joint, part):
 
 @given(joints(), st.floats(-1e6, 1e6))
 def test_no_goal_is_ever_outside_the_limits(joint, asked):
-    angles = ServoAngles([joint])
+    angles = ServoAngles([joint], MAKE)
     reached = np.degrees(angles.positions(angles.goals(np.array([asked]))))
     assert joint.lower - 1e-3 <= reached <= joint.upper + 1e-3
 
@@ -45,7 +46,7 @@ def test_no_goal_is_ever_outside_the_limits(joint, asked):
 def test_a_limp_servo_that_was_turned_past_its_zero_is_where_it_is(
     joint, counts, turns
 ):
-    angles = ServoAngles([joint])
+    angles = ServoAngles([joint], MAKE)
     once = angles.positions(np.array([counts]))
     again = angles.positions(np.array([counts + turns * COUNTS]))
     gap = np.abs(np.exp(1j * once) - np.exp(1j * again))
@@ -58,7 +59,7 @@ def test_a_limp_servo_that_was_turned_past_its_zero_is_where_it_is(
 
 @given(joints(), st.integers(-2 * COUNTS, 3 * COUNTS))
 def test_whoever_is_not_beyond_its_zero_can_be_held_where_it_is(joint, count):
-    angles, counts = ServoAngles([joint]), np.array([count])
+    angles, counts = ServoAngles([joint], MAKE), np.array([count])
     at = np.degrees(angles.positions(counts))[0]
     outside_deg = max(joint.lower - at, at - joint.upper, 0.0)
     turned_deg = abs(angles.goals(np.radians([at]))[0] - count) * DEG_PER_COUNT
@@ -69,14 +70,14 @@ def test_whoever_is_not_beyond_its_zero_can_be_held_where_it_is(joint, count):
 
 
 def test_velocity_has_the_sign_of_the_joint():
-    angles = ServoAngles(list(mounted_oddly().joints.values()))
+    angles = ServoAngles(list(mounted_oddly().joints.values()), MAKE)
     speed = angles.velocities(np.full(12, 100.0))
     assert np.all(np.sign(speed) == np.tile([1, -1], 6))
     assert np.allclose(np.abs(speed), 22.9 * 2.0 * np.pi / 60.0)
 
 
 def test_the_servos_own_limits_narrow_the_goals():
-    angles = ServoAngles([JointCalibration(1, -1, 180.0, -90.0, 90.0)])
+    angles = ServoAngles([JointCalibration(1, -1, 180.0, -90.0, 90.0)], MAKE)
     angles.narrow(np.array([2000]), np.array([2100]))
     assert angles.goals(np.array([1.5])) == 2000
     assert angles.goals(np.array([-1.5])) == 2100
@@ -84,14 +85,14 @@ def test_the_servos_own_limits_narrow_the_goals():
 
 @given(joints())
 def test_the_limits_are_the_ends_of_what_goals_can_be(joint):
-    low, high = ServoAngles([joint]).limits
+    low, high = ServoAngles([joint], MAKE).limits
     assert np.radians(joint.lower) - 1e-9 <= low[0]
     assert high[0] <= np.radians(joint.upper) + 1e-9
     assert high[0] - low[0] > np.radians(joint.upper - joint.lower) - 2.1 * _COUNT_RAD
 
 
 def test_no_answer_stays_no_number():
-    angles = ServoAngles(list(mounted_oddly().joints.values()))
+    angles = ServoAngles(list(mounted_oddly().joints.values()), MAKE)
     assert np.isnan(angles.positions(np.full(12, np.nan))).all()
 
 

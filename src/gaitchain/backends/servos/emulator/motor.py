@@ -2,7 +2,7 @@
 
 import math
 
-from gaitchain.backends.dynamixel.control_table import DEG_PER_COUNT
+from gaitchain.backends.servos.table import DEG_PER_COUNT
 
 
 class Motor:
