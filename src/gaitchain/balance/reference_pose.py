@@ -88,6 +88,32 @@ def _unloaded(walk: Walk) -> float:
 
 
 @compiled
+def _pelvis(walk: Any) -> tuple[float, float]:
+    """Return where the pelvis is from the support foot: ahead, to the left [m].
+
+    In single support it moves with the swing foot's lead over a steady way.
+    """
+    state, offset = walk.state, walk.com_offset
+    x, y = state.pelvis.x - offset.x, state.pelvis.y - state.side * offset.y
+    if state.phase == SINGLE:
+        phase = clip(state.time / walk.times.single, 0.0, 1.0)
+        ahead = phase * phase * (3.0 - 2.0 * phase) - phase
+        way = walk.gains.counter_swing * ahead
+        x -= way * (state.landing.x - state.lift_off.x)
+        y -= way * (state.landing.y - state.lift_off.y)
+    return x, y
+
+
+@compiled
+def _tilt_held(walk: Any) -> tuple[float, float]:
+    """Return the roll and pitch by which the legs turn the trunk back [rad]."""
+    held = walk.gains.trunk
+    if walk.state.phase in (SETTLE, SHIFT):
+        held *= walk.gains.settled_trunk
+    return -held * walk.attitude.roll, -held * walk.attitude.pitch
+
+
+@compiled
 def pose_joints(legs: Legs, walk: Any, before: Array) -> Array:
     """Return the reference joint angles, (2 n,) [rad].
 
@@ -102,23 +128,12 @@ def pose_joints(legs: Legs, walk: Any, before: Array) -> Array:
             rewritten.
         before: (2 n,) where the inverse kinematics begins [rad].
     """
-    gains, times = walk.gains, walk.times
-    state, attitude, offset = walk.state, walk.attitude, walk.com_offset
+    gains, state, attitude = walk.gains, walk.state, walk.attitude
     x, y, lifted, yaw = swing_foot(legs, walk)
     side = state.side
     turn = -side * state.pelvis_yaw
-    pelvis_x = state.pelvis.x - offset.x
-    pelvis_y = state.pelvis.y - side * offset.y
-    if state.phase == SINGLE:
-        phase = clip(state.time / times.single, 0.0, 1.0)
-        ahead = phase * phase * (3.0 - 2.0 * phase) - phase
-        way = gains.counter_swing * ahead
-        pelvis_x -= way * (state.landing.x - state.lift_off.x)
-        pelvis_y -= way * (state.landing.y - state.lift_off.y)
-    held = gains.trunk
-    if state.phase in (SETTLE, SHIFT):
-        held *= gains.settled_trunk
-    roll, pitch = -held * attitude.roll, -held * attitude.pitch
+    pelvis_x, pelvis_y = _pelvis(walk)
+    roll, pitch = _tilt_held(walk)
     count = before.shape[0] // 2
     joints = np.empty(2 * count)
     first = 0 if side > 0 else 1

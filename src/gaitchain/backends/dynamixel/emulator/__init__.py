@@ -1,7 +1,7 @@
 """Emulated X-series servos."""
 
 from gaitchain.backends.dynamixel.emulator.bus import EmulatedXSeriesBus
-from gaitchain.backends.dynamixel.emulator.devices import EmulatedXSeries
+from gaitchain.backends.dynamixel.emulator.servo import EmulatedXSeries
 from gaitchain.backends.servos.emulator.port import Kinds
 
 KINDS = Kinds(EmulatedXSeries, EmulatedXSeriesBus)

@@ -4,7 +4,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
-from gaitchain.backends.dynamixel.emulator.devices import LENGTH, OK, Device
 from gaitchain.backends.dynamixel.emulator.packets import (
     MOST,
     STATUS,
@@ -13,6 +12,7 @@ from gaitchain.backends.dynamixel.emulator.packets import (
     encode,
     head,
 )
+from gaitchain.backends.dynamixel.emulator.servo import LENGTH, OK, Device
 from gaitchain.backends.servos.emulator.bus import BROADCAST, EmulatedBus, Packet
 from gaitchain.backends.servos.table import Block
 
