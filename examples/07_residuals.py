@@ -14,12 +14,11 @@ import time
 import gymnasium
 import numpy as np
 
-from gaitchain.rl.registration import WALK, register
+from gaitchain.rl.registration import WALK
 
 TRAINED_S = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
 PAIRS, SPREAD, RATE, PERIODS = 4, 0.05, 0.05, 300
 
-register()
 env = gymnasium.make(WALK, max_episode_steps=PERIODS, residual_rad=0.1)
 phase = env.unwrapped.layout.phase
 

@@ -1,6 +1,8 @@
 """The walk as a Gymnasium environment, and the expert that walks it."""
 
 import math
+import subprocess
+import sys
 import warnings
 
 import numpy as np
@@ -82,6 +84,11 @@ def test_an_episode_is_cut_off_after_ten_seconds():
         ends.append((fell, late))
     assert len(ends) == 1000
     assert ends[-1] == (False, True)
+
+
+def test_importing_the_package_registers_the_environment():
+    code = f"import gymnasium, gaitchain.rl; gymnasium.spec({WALK!r})"
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_registered_twice_is_registered_once():

@@ -29,6 +29,7 @@ from gaitchain.live.messages import (
     Stop,
 )
 from gaitchain.service.api import make_service
+from gaitchain.service.api_feed import LOOP_BEGINS, LOOP_SILENT
 from gaitchain.service.api_limits import ApiLimits
 from gaitchain.service.channel import Asker
 from gaitchain.service.command_gateway import RefusedError
@@ -480,11 +481,25 @@ def test_frames_are_made_once_for_all_clients(tmp_path):
     asker.close()
 
 
+def test_a_loop_that_is_yet_to_begin_is_not_said_to_be_restarted(tmp_path):
+    asker = Asker(tmp_path)
+    limits = ApiLimits(silent_s=0.0)
+    service = make_service(
+        Settings(library=""), small_library(), limits, tmp_path, asker
+    )
+    assert service.feed.latest is None
+    assert service.feed.why_silent == LOOP_BEGINS
+    service.feed.hear(told(small_library().robot))
+    assert service.feed.why_silent == LOOP_SILENT
+    asker.close()
+
+
 class FakeHub:
     """A hub whose loop is silent, and a gateway that refuses to drive."""
 
     def __init__(self, limits):
-        self.limits, self.acts, self.gateway = limits, [], self
+        self.limits, self.acts, self.gateway, self.feed = limits, [], self, self
+        self.why_silent = LOOP_SILENT
 
     def frame(self):
         return None

@@ -99,7 +99,7 @@ def test_a_log_is_played_at_its_own_pace(path):
         assert now_s - 100.0 == pytest.approx(t.time_s - 5.0, abs=0.002)
         assert t.driver == ""
         assert t.mode == (Mode.WALKING if t.steps < 99 else Mode.STOPPED)
-    assert heard[50][1].reason == "replay of walk.mcap, 6.0 s"
+    assert heard[50][1].reason == "replay of walk.mcap, 1.0 of 2.0 s"
     assert [t.steps for _, t in heard if t.events] == [30]
 
 
@@ -111,7 +111,7 @@ def test_at_its_end_a_log_pauses_and_goes_on_telling_the_last_row(path):
     assert len(heard) == pytest.approx(25, abs=2)
     assert {t.steps for _, t in heard} == {99}
     assert {t.reason for _, t in heard} == {
-        f"{FALLEN['reason']} (replay of walk.mcap, paused at 7.0 s, its end)"
+        f"{FALLEN['reason']} (replay of walk.mcap, paused at 2.0 of 2.0 s, its end)"
     }
     page.ask(Start("me"))
     assert page.run(0.5)[0][1].steps == 0
@@ -135,7 +135,7 @@ def test_it_pauses_and_goes_on(path, pause):
     (shown,) = {t.steps for _, t in still}
     assert shown == before + 1
     assert {t.reason for _, t in still} == {
-        f"replay of walk.mcap, paused at {5.0 + 0.02 * shown:.1f} s"
+        f"replay of walk.mcap, paused at {0.02 * shown:.1f} of 2.0 s"
     }
     assert not any(t.events for _, t in still)
     page.ask(Start("me"))

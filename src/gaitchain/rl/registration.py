@@ -1,6 +1,6 @@
 """Make `gymnasium.make("gaitchain/Walk-v0")` work, without importing a simulator.
 
-To import this module is enough: Gymnasium has no plugins since its version 1.0.
+To import `gaitchain.rl` is enough: Gymnasium has no plugins since its version 1.0.
 """
 
 import gymnasium

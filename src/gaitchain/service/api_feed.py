@@ -15,6 +15,8 @@ from gaitchain.service.schemas import Fall, NumberedEvent
 
 LOOP_SILENT = "the loop is silent: it is being restarted"
 """Why there is nothing to tell, and nobody to ask."""
+LOOP_BEGINS = "the loop has said nothing yet: it is about to begin"
+"""The same before its first row."""
 _KEPT_EVENTS = 200
 _POLL_S = 0.2
 _ASK_EVERY_S = 0.5  # for what was said before; a loop that ends takes a request with it
@@ -64,6 +66,11 @@ class Feed:
         if newest is None or time.monotonic() - newest[0] > self._silent_s:
             return None
         return newest[1]
+
+    @property
+    def why_silent(self) -> str:
+        """Why `latest` is None."""
+        return LOOP_BEGINS if self._newest is None else LOOP_SILENT
 
     @property
     def fall(self) -> Fall | None:

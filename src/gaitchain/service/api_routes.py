@@ -13,7 +13,7 @@ from starlette.responses import FileResponse, Response
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
-from gaitchain.service.api_feed import LOOP_SILENT, Feed
+from gaitchain.service.api_feed import Feed
 from gaitchain.service.api_schema import answers
 from gaitchain.service.auth import API, VIEWER, forget, problem, remember, same_secret
 from gaitchain.service.command_gateway import CommandGateway
@@ -101,7 +101,9 @@ Number = Annotated[
 async def state(here: Here) -> Response:
     """Robot and loop now, as one frame of the stream."""
     frame = here.hub.frame()
-    return problem(503, LOOP_SILENT) if frame is None else _json_bytes(frame)
+    if frame is None:
+        return problem(503, here.hub.feed.why_silent)
+    return _json_bytes(frame)
 
 
 async def library(here: Here) -> Response:

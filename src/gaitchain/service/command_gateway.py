@@ -22,7 +22,7 @@ from gaitchain.live.messages import (
     Telemetry,
 )
 from gaitchain.messages import Command
-from gaitchain.service.api_feed import LOOP_SILENT, Feed
+from gaitchain.service.api_feed import Feed
 from gaitchain.service.api_limits import Allowance, ApiLimits
 from gaitchain.service.channel import Asker
 from gaitchain.service.disturbance_limits import PUSH_MOST
@@ -286,7 +286,7 @@ class CommandGateway:
     def _check_wheel(self, driver: str, *, anybody: bool = False) -> Telemetry:
         telemetry = self._feed.latest
         if telemetry is None:
-            raise RefusedError(503, LOOP_SILENT)
+            raise RefusedError(503, self._feed.why_silent)
         if not anybody and telemetry.driver not in ("", driver):
             raise RefusedError(
                 409,

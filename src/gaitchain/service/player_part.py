@@ -236,7 +236,9 @@ class Player:
 
     def _where(self) -> str:
         paused = "" if self._playing else "paused at "
-        where = f"replay of {self._log.path.name}, {paused}{self._row.time_s:.1f} s"
+        # The place in the log, as on the page's bar; a loop's own time begins anew.
+        at = f"{self._times[self._index]:.1f} of {self._times[-1]:.1f} s"
+        where = f"replay of {self._log.path.name}, {paused}{at}"
         if self._playing or not self._over:
             return where
         damage = self._log.damage

@@ -10,7 +10,7 @@ import msgspec
 from pydantic import ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from gaitchain.service.api_feed import LOOP_SILENT, Feed
+from gaitchain.service.api_feed import Feed
 from gaitchain.service.api_limits import Allowance, ApiLimits
 from gaitchain.service.auth import problem
 from gaitchain.service.command_gateway import (
@@ -171,7 +171,7 @@ class Client:
                     await self._send(frame)
                     last, told_s = frame, loop.time()
                 elif frame is None and began_s - told_s > _SILENCE_TOLD_S:
-                    await self._complain(LOOP_SILENT)
+                    await self._complain(self._hub.feed.why_silent)
                     told_s = loop.time()
             finally:
                 self.dropped += int((loop.time() - began_s) / self._period_s)

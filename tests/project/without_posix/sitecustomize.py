@@ -8,7 +8,7 @@ for name in ("SIGHUP", "SIGQUIT", "SIGUSR1"):
     delattr(signal, name)
 for name in ("nice", "sched_setscheduler", "posix_fallocate", "getuid", "fork"):
     delattr(os, name)
-for module in ("resource", "termios", "tty", "pty", "pwd", "grp"):
+for module in ("resource", "termios", "tty", "pty", "pwd", "grp", "fcntl"):
     sys.modules[module] = None
 
 import zmq  # noqa: E402
