@@ -20,7 +20,8 @@ from gaitchain.robot.whole_file import replace_file
 PACKAGES = ("gaitchain", "mujoco", "numpy", "numba", "scipy", "cmaes")
 """Packages that determine results: another version of one may give other digits."""
 # Subpackages and modules that do not affect the result of a build or of a walk.
-_APART = ("cli", "figures", "live", "service", "bench.py", "dynamixel", "ros")
+_APART = {"cli", "figures", "live", "service", "bench.py"}
+_APART |= {"servos", "dynamixel", "feetech", "ros"}
 
 
 class Journal:
@@ -209,7 +210,7 @@ def code_digest() -> str:
     digest, root = hashlib.sha256(f"{versions}".encode()), files("gaitchain")
     for path in sorted(Path(str(root)).rglob("*")):
         parts = path.relative_to(str(root)).parts
-        if path.suffix in (".py", ".toml") and not set(parts) & set(_APART):
+        if path.suffix in (".py", ".toml") and not set(parts) & _APART:
             digest.update(f"{parts}".encode() + path.read_bytes())
     return digest.hexdigest()
 

@@ -22,13 +22,11 @@ what they tell of zeros is not kept: offsets and the trunk's attitude tell the s
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import accumulate, count
 from typing import NamedTuple
 
 import numpy as np
 
-from gaitchain.build.jobs import run_once
 from gaitchain.build.progress import Progress
 from gaitchain.errors import LogError
 from gaitchain.identify.log import ExerciseLog, MotionLog
@@ -97,7 +95,7 @@ def fit_logs(
 ) -> Fit:
     """Fit a robot to its logs.
 
-    A journal, see `keeping`, has what each motion told as soon as it did.
+    A journal, see `keeping`, has what each round found as soon as it did.
 
     Args:
         robot: as in its file.
@@ -143,8 +141,7 @@ def _fit_motions(
             belief = Belief(*parameters.anew(parameters.places("lean"), *belief))
         rng = np.random.default_rng((_BANK, number))
         begin = _counted(progress, ends[number], ends[-1])
-        work = partial(motion.fit, belief, rng, begin)
-        found = Belief(*run_once("fit", work, tuple[Array, Array]))
+        found = Belief(*motion.fit(belief, rng, begin))
         leans.append(parameters.read(found.mean)[1])
         if motion.support == "held":
             found = _but(parameters.places(*OF_ZEROS), belief, found)

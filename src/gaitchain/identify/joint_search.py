@@ -31,6 +31,15 @@ class Group(NamedTuple):
     """The sensors whose rows tell of them."""
 
 
+class Searched(NamedTuple):
+    """How far a search is after a round."""
+
+    found: Array
+    """(P,) the best numbers so far."""
+    spreads: list[Array]
+    """Of each group the covariance from which its numbers are drawn next."""
+
+
 class JointSearch:
     """Numbers that are drawn, replayed and selected in rounds."""
 
@@ -48,6 +57,16 @@ class JointSearch:
         self._groups, self._begun = groups, False
         self._covariance = covariance
         self._spreads = [covariance[np.ix_(g.numbers, g.numbers)] for g in groups]
+
+    @property
+    def searched(self) -> Searched:
+        """How far it is."""
+        return Searched(self.found, self._spreads)
+
+    def go_on(self, searched: Searched) -> None:
+        """Go on from where a round, of this search or one like it, has led."""
+        self.found, self._spreads = searched
+        self._begun = True
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
         """Draw numbers for so many replays, (count, P); the first are the best so far.

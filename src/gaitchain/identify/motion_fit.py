@@ -10,9 +10,10 @@ from gaitchain.build.jobs import arrivals
 from gaitchain.errors import LogError
 from gaitchain.identify.certainty import ALIKE, fisher_information, posterior_covariance
 from gaitchain.identify.chord import GaussianPrior, follow, slopes
-from gaitchain.identify.joint_search import Group, JointSearch
+from gaitchain.identify.joint_search import Group, JointSearch, Searched
 from gaitchain.identify.log import Measured, MotionLog
 from gaitchain.identify.parameters import OF_JOINTS, OF_SERVOS, Parameters
+from gaitchain.identify.rounds import Rounds
 from gaitchain.identify.sensor_rows import (
     BLOCK,
     IMU,
@@ -115,44 +116,63 @@ class MotionFit:
             rng: source of randomness.
             begin: called before each round, and before the replays for the covariance.
         """
-        if self.support == "held":
-            found = self._swung(belief, rng, begin)
-        else:
-            found = self._settled(belief, rng, begin)
-        begin()
-        return found, self.certainty(found, belief, rng)
+        rounds = Rounds(rng, begin)
+        fit = self._swung if self.support == "held" else self._settled
+        found = fit(belief, rounds)
 
-    def _swung(
-        self, belief: Belief, rng: np.random.Generator, begin: Callable[[], None]
-    ) -> Array:
+        def certainty() -> Array:
+            begin()
+            return self.certainty(found, belief, rng)
+
+        return found, rounds.run(certainty, Array)
+
+    def _swung(self, belief: Belief, rounds: Rounds) -> Array:
         """Return the numbers of hung legs: searched, then by rounds of replays."""
-        found = self._search(belief, begin)
+        found = self._search(belief, rounds.begin)
         explained = self.explains(found)
         found = found if explained else belief.mean
         for around in NEAR if explained else ROUNDS:
-            begin()
-            found = self.improve(found, belief, around, rng)
+            found = self._improved(found, belief, around, rounds)
         return found
 
-    def _settled(
-        self, belief: Belief, rng: np.random.Generator, begin: Callable[[], None]
+    def _improved(
+        self, start: Array, belief: Belief, around: Round, rounds: Rounds
     ) -> Array:
+        """Return better numbers by one round, which is kept."""
+
+        def improve() -> Array:
+            rounds.begin()
+            return self.improve(start, belief, around, rounds.rng)
+
+        return rounds.run(improve, Array)
+
+    def _settled(self, belief: Belief, rounds: Rounds) -> Array:
         """Return the numbers of a robot that stands: by smooth slopes."""
         found = belief.mean
         if not all(self._stood(self._replays([found]))):
             # Where it falls there are no slopes: begin near a replay that does not.
-            found = self.improve(found, belief, _ANY, rng)
+            found = self.improve(found, belief, _ANY, rounds.rng)
         least, most = self._parameters.least, self._parameters.most
         precision = np.asarray(np.linalg.inv(belief.covariance))
         prior = GaussianPrior(belief.mean, precision, least, most)
         for _ in range(SMOOTH):
-            begin()
-            slope = self._smooth_slopes(found, belief)
-            begin()
-            found = follow(found, slope, prior, self._missed_with, self._weights)
+            found = self._followed(found, belief, prior, rounds)
             if self.explains(found):
                 break
         return found
+
+    def _followed(
+        self, start: Array, belief: Belief, prior: GaussianPrior, rounds: Rounds
+    ) -> Array:
+        """Return where smooth slopes at the start lead, which is kept."""
+
+        def ahead() -> Array:
+            rounds.begin()
+            slope = self._smooth_slopes(start, belief)
+            rounds.begin()
+            return follow(start, slope, prior, self._missed_with, self._weights)
+
+        return rounds.run(ahead, Array, parts=2)
 
     def _smooth_slopes(self, at: Array, belief: Belief) -> Array:
         """Return slopes of a robot without play and dry friction."""
@@ -186,20 +206,25 @@ class MotionFit:
 
     def _search(self, belief: Belief, begin: Callable[[], None]) -> Array:
         """Return the numbers that a search joint by joint finds."""
-        rng = np.random.default_rng(_SEARCH_BANK)
+        rounds = Rounds(np.random.default_rng(_SEARCH_BANK), begin)
         search = JointSearch(*belief, self._groups())
-        for _ in range(SEARCHES):
+
+        def select() -> Searched:
             begin()
-            self._select(search, rng)
+            return self._selected(search, rounds.rng)
+
+        for _ in range(SEARCHES):
+            search.go_on(rounds.run(select, Searched))
         return self._clipped(search.found)
 
-    def _select(self, search: JointSearch, rng: np.random.Generator) -> None:
+    def _selected(self, search: JointSearch, rng: np.random.Generator) -> Searched:
         """Do one round of a search."""
         tried = self._clipped(search.draw(REPLAYS, rng))
         tables = self._missed_with(tried)
         missed = np.sum(tables**2, axis=1)
         least = tables[np.argmin(missed, axis=0), :, np.arange(missed.shape[1])].T
         search.select(tried, missed * self._weights(least) ** 2)
+        return search.searched
 
     def improve(
         self, start: Array, belief: Belief, around: Round, rng: np.random.Generator
