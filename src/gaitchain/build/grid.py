@@ -94,10 +94,10 @@ class Grid:
         return tuple(found)
 
     def _beside(self, kind: str) -> tuple[tuple[str, float], ...]:
-        """Return the last required level of what a disturbance needs to do anything."""
+        """Return a level of what it needs: the last required one, else the first."""
         needed = DISTURBANCES[kind].needs
         return tuple(
-            (levels.kind, levels.required[-1])
+            (levels.kind, (levels.required[-1:] or levels.beyond)[0])
             for levels in self.levels
             if levels.kind == needed
         )
@@ -147,7 +147,7 @@ DYNAMIC_GRID = Grid(_levels(balanced=True))
 """Grid for strides."""
 PAPER_GRID = Grid(_levels(balanced=False))
 """Grid for key poses, which are trained in open loop: only the levels of their training
-are required."""
+are required, and faults of servos and sensors are none of these."""
 
 
 def plan_jobs(
