@@ -325,7 +325,8 @@ class Qualify:
     measured for it as well."""
     splitting: Annotated[float | None, Limits(0.01, 2.0)] = None
     """Instead of the test: an estimate of rates too small for it, by multilevel
-    splitting, of walks that are pushed each second up to this part of m sqrt(g h)."""
+    splitting, of walks of 10 s that are pushed each second up to this part of m sqrt(g
+    h). --seconds, --most-steps and --report are the test's, and refused."""
     report_walks: Annotated[int, Limits(2, 1000)] = 12
     """Walks that are pushed from each of four sides for the report."""
     backend: Backend = "loky"
