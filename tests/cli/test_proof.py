@@ -115,9 +115,9 @@ def test_the_report_says_what_was_shown_and_what_was_not(proven):
     assert numbers["identified"] is None
     command = "gaitchain qualify LIBRARY --bound 0.05 --confidence 0.95 --seconds 3"
     for words in (
-        "It falls in fewer than 0.05 of its steps, with 95 % confidence",
+        "mixed in equal parts: it falls in fewer than 0.05 of its steps, with 95 %",
         f"walked {total['steps']} steps in {total['walks']} walks, and fell 0 times",
-        "In simulation only",
+        "No real robot was tested",
         "What was not tested",
         "with a probability of at most 0.05".capitalize(),
         load_library(out).robot.fingerprint,

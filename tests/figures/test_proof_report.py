@@ -138,12 +138,12 @@ def test_sides_without_two_walks_that_hold_have_no_limit(tmp_path):
 
 def test_walks_that_were_no_draws_are_told_apart(usual, tmp_path):
     chosen = ChosenWalks(("friction 0.6", "pyramidal friction"), 21, 1)
-    words, numbers = report(tmp_path, proof=replace(PROOF, chosen=chosen))
+    words, numbers = report(tmp_path, proof=in_worlds(chosen=chosen))
     for said in (
-        "No walk was drawn for 2 of the worlds and contact models; each was walked",
+        "No walk was drawn for 1 world and 1 contact model; each was walked",
         "21 steps in all, and 1 of these walks fell",
-        "fell 0 times. 2 worlds or contact models came up in none of these walks: each "
-        "was walked once in addition, and of these walks 1 fell. ",
+        "fell 0 times. 1 world and 1 contact model came up in none of these walks: ",
+        "each was walked once in addition, and of these walks 1 fell. ",
         f"walk {CHOSEN} + i is in world i of the list above",
     ):
         assert said in words
@@ -236,7 +236,7 @@ def test_disturbances_were_there_one_at_a_time_as_the_page_says(tmp_path):
         world = grid_world(SHIPPED, GridJob((3, 0), cell, "", ()), 0, SCALE_NS)
         assert world.model_error == dict(cell.numbers).get("model_error", 0.0)
     words, numbers = report(tmp_path, proof=in_worlds())
-    verdict = words.index("Each walk had one disturbance at a time. In simulation only")
+    verdict = words.index("Each walk had one disturbance at a time. No real robot was")
     assert verdict < words.index("What was tested")
     assert "One of them at a time was other than nominal in a walk, never two" in words
     assert "Together with dry friction 2 %." in words
@@ -369,7 +369,7 @@ def test_the_report_has_its_date_and_what_it_was_walked_by(tmp_path):
 @pytest.mark.parametrize(
     ("own", "said"),
     [
-        (None, "has no model of its own"),
+        (None, "is no model for a simulator"),
         (OwnReport(False, fault="no actuator"), "could not be walked: no actuator."),
         (OwnReport(True, 2, 20, 19), "19 of 20 schedules without a fall"),
     ],
@@ -384,15 +384,16 @@ def test_the_numbers_have_what_the_page_says_of_use_and_of_the_own_model(
     assert verdict in words
     found = numbers["own_model"]["found"]
     assert (found or {}).get("survived") == (own and own.survived)
-    assert numbers["conditions"]["friction"].startswith("friction 0.6, ")
+    friction = numbers["conditions"]["friction coefficient of soles and floor"]
+    assert friction.startswith("friction 0.6, ")
     for name, value in numbers["conditions"].items():
         assert f"{name} {value}" in words
 
 
 def test_without_a_grid_the_page_says_that_there_is_none(usual, tmp_path):
-    assert "Bold rows are mild worlds" in usual[0]
+    assert "Bold rows are the world nominal and mild worlds" in usual[0]
     words, _ = report(tmp_path, SHIPPED.as_built())
-    assert "Bold rows are mild worlds" not in words
+    assert "Bold rows are the world nominal and mild worlds" not in words
     assert "all mild" not in words
     assert "Map of worlds There is none" in words
 

@@ -142,7 +142,7 @@ def _show(library: GaitLibrary, report: ProofReport) -> None:
     title = f"{library.robot.name}, random schedules of {length}"
     print_table(title, heads, (_row(name, s, report) for name, s in named))
     if report.chosen:
-        say(f"{describe_chosen(report.chosen)} {_APART}")
+        say(f"{describe_chosen(report.chosen, report)} {_APART}")
     steps = report.steps
     say(
         f"steps of the chain that were walked: {steps.walked} of {steps.allowed}, "

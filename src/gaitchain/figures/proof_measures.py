@@ -30,7 +30,7 @@ class _Maps(NamedTuple):
 MAPS = _Maps()
 """File names of the maps."""
 _SIDES = {0.0: "ahead", 90.0: "to the left", 180.0: "back", 270.0: "to the right"}
-_PUSH_HEADS = ("pushed", "walks", "J50 [N s]", "J5 [N s]", "J50 / m sqrt(g h)")
+_PUSH_HEADS = ("pushed towards", "walks", "J50 [N s]", "J5 [N s]", "J50 / m sqrt(g h)")
 _STOP_HEADS = (
     "of those that came to a stand",
     "half, within",
@@ -39,9 +39,9 @@ _STOP_HEADS = (
 )
 _MAP = (
     "The grid of worlds by which the library was qualified before the proof: a column "
-    "for each kind of command; in each field the walks that held of those that were "
-    "made. Bold rows are mild worlds of one disturbance, in which {:.0f} % of the "
-    "walks had to hold."
+    "for each kind of command; in each field the walks that held, which is that the "
+    "robot did not fall, of those that were made. Bold rows are the world nominal and "
+    "mild worlds of one disturbance: of all walks in one {:.0f} % had to hold."
 )
 _HARDER = (
     "Other rows of one disturbance are beyond the mild worlds, and show where it ends."
@@ -60,6 +60,7 @@ _NO_MAP = (
     "shows where it ends. `gaitchain qualify LIBRARY`, without --bound, walks one."
 )
 _UNKNOWN = "not known"
+_TWENTY = 20  # walks, of which one is a twentieth
 _CAUSES = (
     "What came before each of these falls: of the rules that a good walk keeps, the "
     "one that broke first."
@@ -115,7 +116,7 @@ def pushes_section(
         "p",
         f"One push of {Push.duration_s:g} s on the trunk while it walks "
         f"{measures.speed_mps:.2f} m/s ahead, at a random moment of the step, in a "
-        "world drawn for each walk: "
+        "world drawn for each walk, not one of those above: "
         f"{_drawn(library)}, all of it at once. J50 is the impulse after which half of "
         "the walks fall, J5 that after which one in twenty does; in brackets 95 % "
         "intervals. The impulses that fell each walk are taken for log-normal, which "
@@ -124,6 +125,10 @@ def pushes_section(
     )
     scale = measures.scale_ns
     table(body, _PUSH_HEADS, (_push_row(p, scale) for p in measures.pushes))
+    least = min(p.walks for p in measures.pushes)
+    if least < _TWENTY:
+        said = f"Of {least} walks from a side none is one in twenty: J5 is worked out."
+        add(body, "p", said)
     for said in _apart(measures.pushes):
         add(body, "p", said)
     alt = "Impulse after which half of the walks fall, by direction."
@@ -180,6 +185,9 @@ def stops_section(body: Any, measures: Measures) -> None:
         seconds = ("time", *(f"{x:.2f} s" for x in stops.seconds))
         metres = ("way of the trunk", *(f"{x:.2f} m" for x in stops.metres))
         table(body, _STOP_HEADS, (seconds, metres))
+    if 0 < stops.stood < _TWENTY:
+        said = f"Of {stops.stood} the slowest stands for 19 in 20."
+        add(body, "p", said)
 
 
 def falls_section(body: Any, measures: Measures) -> None:
@@ -190,9 +198,9 @@ def falls_section(body: Any, measures: Measures) -> None:
         body,
         "p",
         f"Standing, its {drop.mass_kg:.1f} kg have their centre {drop.com_m:.2f} m "
-        f"high: m g h = {drop.potential_j:.0f} J, which a fall to the floor cannot "
-        "exceed but for what the robot has by its motion and by a push. Measured until "
-        "the trunk is down, while the servos hold their last targets:",
+        f"high: m g h = {drop.potential_j:.0f} J is what the height alone can give. A "
+        "walk and a push add to it. Measured until the trunk is down, while the servos "
+        "hold their last targets:",
     )
     for falls in measures.falls:
         add(body, "h3", f"{falls.origin}: {falls.falls} falls in {falls.walks}")
@@ -209,7 +217,7 @@ def _fall_tables(body: Any, falls: FallsReport) -> None:
     table(body, _CAUSE_HEADS, causes)
     rows = []
     for name, unit, pair in (
-        ("kinetic energy before the impact", "J", falls.kinetic_j),
+        ("kinetic energy before the trunk is down, at most", "J", falls.kinetic_j),
         ("speed of the top of the trunk", "m/s", falls.head_mps),
     ):
         rows.append((name, *(f"{x:.3g} {unit}" for x in pair or ())))

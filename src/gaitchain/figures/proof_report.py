@@ -44,7 +44,11 @@ from gaitchain.gait.command_range import AXES
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
 from gaitchain.gait.qualification import ProofReport, StepStrata, StepStratum, Stratum
-from gaitchain.proof.fall_rate import describe_before, describe_chosen
+from gaitchain.proof.fall_rate import (
+    describe_before,
+    describe_chosen,
+    describe_unmet,
+)
 from gaitchain.proof.measures import Measures, measure_seeds
 from gaitchain.proof.proof_walks import BANK, CHOSEN, Criterion, seed_of
 from gaitchain.proof.step_strata import SELDOM
@@ -63,25 +67,29 @@ _STYLE = (
     ".pairs td+td{overflow-wrap:anywhere}"
 )
 _VERDICTS = {
-    "below": "It falls in fewer than {bound} of its steps, with {sure} confidence: "
-    "less often than once in {often} steps.",
-    "above": "It falls in more than {bound} of its steps, with {sure} confidence: "
-    "more often than once in {often} steps.",
-    "open": "Whether it falls in fewer than {bound} of its steps is not known: the "
-    "walks that were allowed did not suffice.",
+    "below": "In simulation, over {worlds} worlds mixed in equal parts: it falls in "
+    "fewer than {bound} of its steps, with {sure} confidence: less often than once in "
+    "{often} steps.",
+    "above": "In simulation, over {worlds} worlds mixed in equal parts: it falls in "
+    "more than {bound} of its steps, with {sure} confidence: more often than once in "
+    "{often} steps.",
+    "open": "Whether it falls, in simulation, in fewer than {bound} of its steps is "
+    "not known: the walks that were allowed did not suffice.",
 }
 _CHAIN = (
-    "A step leads from one pose of the library to another; poses have numbers. What "
-    "the robot walks is a chain of such steps."
+    "The library has the poses in which a step may begin or end, each of them a way "
+    "that the foot ahead is from the other one; they have numbers, from 0 on. A step "
+    "leads from one pose to another. What the robot walks is a chain of such steps."
 )
 _FIXED = "Criterion, fixed before the first walk"
 _CHOSEN_LATER = "Criterion, chosen after walks had been seen"
 _STRATA = (
     "The criterion is of all walks. Rows below the first divide them by the model of "
     "the contact, by disturbances that have several levels, and by world; they are for "
-    "information, and both ends of their intervals, wider for it, hold all together "
-    "with that confidence. In the first row each end holds for itself with it, as the "
-    'verdict. "not known" means that there are too few walks to tell.'
+    "information. Their intervals are true all at once with that confidence, and so "
+    "wider than each would be alone. Each end of the first row's holds with that "
+    'confidence by itself, as the verdict does. "not known" means that there are too '
+    "few walks to tell."
 )
 
 
@@ -183,7 +191,7 @@ def _draw(rows: Sequence[tuple[str, Stratum]], bound: float, path: Path) -> None
         axes.set_ylim(len(strata) - 0.5, -0.5)
         axes.set_xlabel(
             "falls per step that the walks leave possible,\n"
-            "dashed: the bound; other rows than the first hold together"
+            "dashed: the bound; those below the first row are true all at once"
         )
 
 
@@ -239,8 +247,10 @@ class _Report(NamedTuple):
         add(body, "h2", "What came")
         add(body, "p", _STRATA)
         if proof.chosen:
-            said = f"{describe_chosen(proof.chosen)} They are in the rows of their own"
-            add(body, "p", f'{said} world or model alone, as "+ 1".')
+            said = (
+                f"{describe_chosen(proof.chosen, proof)} They are in the rows of their"
+            )
+            add(body, "p", f'{said} own world or model alone, as "+ 1".')
         named = named_strata(self.library, proof, self.measures.scale_ns)
         table(body, _HEADS, (_row(name, s, proof) for name, s in named))
         picture(
@@ -261,17 +271,21 @@ class _Report(NamedTuple):
     def _repeat(self, body: Any) -> None:
         proof = self.proof
         add(body, "h2", "How to repeat it")
-        seeds = "Seeds follow from the library: the same one gives the same walks. "
+        seeds = (
+            "Seeds follow from the library: the same one gives the same walks. They "
+        )
+        seeds += "are those of NumPy's default_rng. "
         add(body, "p", f"{seeds}Walk n, from 0 to {proof.total.walks - 1}, has these:")
         table(body, (), self.facts["seeds"].items())
         if proof.chosen:
             add(body, "p", _chosen_numbers(proof))
-        add(body, "p", "Walk n of what was measured beside it, from 0 on, has these:")
+        add(body, "p", "Walks that are measured beside it have these, n from 0 on:")
         table(body, (), self.facts["measure_seeds"].items())
         words = f"gaitchain qualify LIBRARY --bound {proof.bound:g}"
         words += f" --confidence {proof.confidence:g} --seconds {proof.seconds:g}"
         words += f" --most-steps {self.criterion.limit}"
-        add(body, "p", "The command:")
+        said = "The command, with the library that has the hash above as LIBRARY:"
+        add(body, "p", said)
         words += " --report DIR -o FILE"
         add(body, "code", f"{words} --report-walks {self.measures.pushes[0].walks}")
 
@@ -301,18 +315,18 @@ def _verdict(proof: ProofReport) -> str:
         bound=f"{proof.bound:g}",
         sure=f"{100.0 * proof.confidence:g} %",
         often=_spaced(rounded(round(1.0 / proof.bound, 6))),
+        worlds=len(proof.worlds),
     )
     total, more = proof.total, proof.chosen
     words += f" It walked {total.steps} steps in {total.walks} walks, and fell "
     words += f"{total.falls} times."
     if more:
-        words += f" {len(more.names)} worlds or contact models came up in none of "
-        words += "these walks: each was walked once in addition, and of these walks "
-        words += f"{more.falls} fell."
+        words += f" {describe_unmet(more, proof)} came up in none of these walks: each "
+        words += f"was walked once in addition, and of these walks {more.falls} fell."
     words += " Each walk had one disturbance at a time."
     if proof.before:
         words += " Walks had been seen before this bound was chosen."
-    return f"{words} In simulation only."
+    return f"{words} No real robot was tested."
 
 
 def _criterion(criterion: Criterion) -> str:
@@ -364,7 +378,8 @@ def _steps(body: Any, proof: ProofReport) -> None:
         table(body, heads, map(_step_row, steps.fell_on))
     if steps.never:
         folded = ElementTree.SubElement(body, "details")
-        add(folded, "summary", f"{len(steps.never)} steps that were never walked")
+        said = f"{len(steps.never)} steps that these walks never made"
+        add(folded, "summary", said)
         add(folded, "p", ", ".join(f"{a} to {b}" for a, b in steps.never))
 
 
@@ -427,7 +442,7 @@ def _own_model(library: GaitLibrary) -> dict[str, Any]:
     """Return what the robot's own model did: a sentence, and the numbers."""
     own = library.qualification.own
     if own is None:
-        said = "The robot's file has no model of its own that could be walked as well."
+        said = "The robot's file is no model for a simulator, to be walked as well."
     elif own.fault:
         said = f"The robot's own model could not be walked: {own.fault}."
     else:

@@ -16,7 +16,7 @@ from gaitchain.proof.proof_walks import mild_cells
 from gaitchain.proof.tally import kind_label
 from gaitchain.sim.push import Push
 from gaitchain.sim.world import DISTURBANCES, World
-from gaitchain.sim.world_draws import NOISE_SD
+from gaitchain.sim.world_draws import NOISE_BIAS, NOISE_SD
 
 SIMPLIFIED = (
     "a simplified robot: legs as in its file, all else one rigid body, arms still, "
@@ -26,11 +26,11 @@ SIMPLIFIED = (
 CORNER = "corner"
 """Kind of the grid's worlds that have all mild levels at once."""
 _ASKED = {
-    "friction": "friction",
+    "friction": "friction coefficient of soles and floor",
     "slope_deg": "slope",
     "blocks_m": "blocks on the ground",
     "contact_s": "softness of the ground",
-    "payload": "payload",
+    "payload": "payload on the trunk, part of the robot's mass",
     "mass": "mass of the links, times",
 }
 _IMPULSES = "push", "punches"
@@ -64,8 +64,8 @@ _MEANT = {
     "noise": (
         "Noise of the sensors, at level 1 with standard deviations of {:g} rad for "
         "angles and {:g} rad/s for speeds of joints, {:g} rad/s for the gyro and {:g} "
-        "m/s^2 for the accelerometer; and a small bias of the gyro."
-    ).format(*NOISE_SD),
+        "m/s^2 for the accelerometer; and a bias of the gyro of {:g} rad/s."
+    ).format(*NOISE_SD, NOISE_BIAS),
     "push": (
         f"Pushes of {Push.duration_s:g} s on the trunk, level, from random sides, "
         "about every 2 s, or two steps if these take longer; each of this impulse."

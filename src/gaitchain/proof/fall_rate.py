@@ -177,11 +177,19 @@ def walk_length(library: GaitLibrary, proof: ProofReport) -> str:
     return f"{proof.total.steps / max(proof.total.walks, 1):.0f} steps on average"
 
 
-def describe_chosen(chosen: ChosenWalks) -> str:
+def describe_unmet(chosen: ChosenWalks, proof: ProofReport) -> str:
+    """Say how many worlds, and how many contact models, no draw met."""
+    worlds = sum(world.name in chosen.names for world in proof.worlds)
+    counts = {"world": worlds, "contact model": len(chosen.names) - worlds}
+    said = (f"{n} {name}{'s' * (n > 1)}" for name, n in counts.items() if n)
+    return " and ".join(said)
+
+
+def describe_chosen(chosen: ChosenWalks, proof: ProofReport) -> str:
     """Say what came of the walks that were no draws."""
     return (
-        f"No walk was drawn for {len(chosen.names)} of the worlds and contact models; "
-        f"each was walked once after the test was sure, {chosen.steps} steps in all, "
+        f"No walk was drawn for {describe_unmet(chosen, proof)}; each was walked once "
+        f"after the test was sure, {chosen.steps} steps in all, "
         f"and {chosen.falls} of these walks fell. A fall counts against the verdict, "
         "and a walk without one does not count for it."
     )

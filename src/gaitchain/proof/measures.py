@@ -35,7 +35,8 @@ from gaitchain.proof.stops import Stop, StopReport, judge_stops, measure_stop
 from gaitchain.sim.push import Push
 from gaitchain.sim.world import World
 
-IN_PROOF, PUSHED = "walks of the proof", "walks that were pushed twice too hard"
+IN_PROOF = "walks of the proof"
+PUSHED = "walks pushed with twice the impulse that fells half of them"
 SIDES = 4
 _APART = 2**40  # numbers of walks from here on are not the proof's
 _SECONDS = 6.0  # of commands before a stop or a push that is too hard

@@ -16,6 +16,8 @@ CLEAR_RADIUS_M = 0.4
 NOISE_SD = 0.001, 0.05, 0.02, 0.3
 """Standard deviations of sensors at noise level 1: joint position [rad], joint velocity
 [rad/s], gyro [rad/s], accelerometer [m/s^2]."""
+NOISE_BIAS = 0.005
+"""What the gyro shows at rest at noise level 1, each axis [rad/s]."""
 # Streams of random numbers.
 _MODEL, _BLOCKS, _NOISE, PUNCHES_STREAM, ARMS_STREAM, PUSHES_STREAM = range(6)
 JITTER_STREAM, _ENCODERS, _IMU_TILT, _IMU_AT, _IMU_SCALE, _COM, _GAINS = range(6, 13)
@@ -177,7 +179,7 @@ class SensorNoise:
             self.acceleration,
         ) = np.split(errors, np.cumsum(sizes)[:-1])
         self._bias = np.zeros(sum(sizes))
-        bias = world.noise * 0.005 * self._rng.choice([-1.0, 1.0], 3)
+        bias = world.noise * NOISE_BIAS * self._rng.choice([-1.0, 1.0], 3)
         self._bias[2 * joints : 2 * joints + 3] = bias
         self.draw()
 
