@@ -220,11 +220,15 @@ def test_a_short_cut_of_the_bus_is_an_error_and_then_over():
         robot.write(np.zeros(3))
 
 
-def test_a_bus_that_answers_too_late_is_not_taken_for_one_that_is_cut():
+@pytest.mark.parametrize(
+    ("physical", "said"),
+    [(True, "set .*latency timer"), (False, "this computer emulates the servos")],
+)
+def test_a_bus_that_answers_too_late_is_not_taken_for_one_that_is_cut(physical, said):
     with bench(few(3), period_s=0.05) as (bus, robot, _):
-        bus.delay_s = 0.15
+        bus.delay_s, robot.physical = 0.15, physical
         serial, deadline = robot._bus._port._serial, Deadline()
-        with pytest.raises(BackendError, match=r"too late: set .*latency timer"):
+        with pytest.raises(BackendError, match=rf"too late: {said}"):
             while not deadline.passed():
                 robot.read()
                 while not (serial.in_waiting or deadline.passed()):

@@ -317,6 +317,11 @@ class ServoBackend:
     def _why_silent(self) -> str:
         """Say what to look at when no servo answers, or none in time."""
         if self._bus.late_bytes > self._late_bytes:
+            if not self.physical:
+                return (
+                    "answers come, but too late: this computer emulates the servos and "
+                    "has too much else to do; end other programs"
+                )
             return (
                 "answers come, but too late: set the adapter's latency timer to 1 ms "
                 f"and {self._make.delay_register} to 0 (`gaitchain doctor`)"
