@@ -220,6 +220,32 @@ def test_a_short_cut_of_the_bus_is_an_error_and_then_over():
         robot.write(np.zeros(3))
 
 
+@pytest.mark.parametrize("late", [7, 12])
+def test_one_that_is_late_is_not_behind_the_dead(monkeypatch, late):
+    """Twice it hears neither the order to let go nor the question whether it did."""
+    dead = 1, 2, 3, 4, 5, 6
+    with bench(TURN(few(12), make="feetech"), period_s=0.2) as (bus, robot, _):
+        robot.engage()
+        for number in dead:
+            bus.kill(number)
+        rows = np.arange(6, 12)
+        read_until(robot, lambda s: np.isfinite(s.joint_position[rows]).all(), 20)
+        alive, deaf = bus.bus._alive, [1] * 4
+
+        def hears(numbers):
+            for device in alive(numbers):
+                if device.number == late and list(numbers) == [late] and deaf:
+                    deaf.pop()
+                else:
+                    yield device
+
+        monkeypatch.setattr(bus.bus, "_alive", hears)
+        robot.release()
+        assert not deaf
+        labels = [f"{name} (id {joint.id})" for name, joint in robot._joints.items()]
+        assert robot.not_let_go == ", ".join(labels[n - 1] for n in dead)
+
+
 @pytest.mark.parametrize(
     ("physical", "said"),
     [(True, "set .*latency timer"), (False, "this computer emulates the servos")],

@@ -73,6 +73,7 @@ class ServoBus:
         """Number of requested answers."""
         self.lost = 0
         """Number of requested answers that did not arrive."""
+        self._answered_s = dict[int, float]()  # last answers by id
         self.spoke_s = 0.0
         """Monotonic time of the last packet that was sent [s]."""
         self.patience_s = patience_s
@@ -299,14 +300,15 @@ class ServoBus:
         Raises:
             BackendError: the port is lost.
         """
-        found, missing = dict[int, bytes](), list(ids)
+        found, missing = dict[int, bytes](), self._latest_first(ids)
         for attempt in range(_TRIES):
             if not missing:
                 break
             with self._as_patient(2**attempt):
                 heard = self.read_all(missing, block, _BUDGET_S)
             found |= {number: answer.data for number, answer in heard.answers.items()}
-            missing = [n for n in heard.in_order(missing) if n not in found]
+            left = (n for n in heard.in_order(missing) if n not in found)
+            missing = self._latest_first(left)
         return found
 
     def write_surely(self, block: Block, values: Mapping[int, bytes]) -> list[int]:
@@ -320,16 +322,24 @@ class ServoBus:
         Raises:
             BackendError: the port is lost.
         """
-        left = list(values)
+        left = self._latest_first(values)
         for attempt in range(_TRIES):
             self.write_all(block, {number: values[number] for number in left})
             with self._as_patient(2**attempt):
                 heard = self.read_all(left, block, _BUDGET_S)
             shown = {number: answer.data for number, answer in heard.answers.items()}
-            left = [n for n in heard.in_order(left) if shown.get(n) != values[n]]
+            wrong = (n for n in heard.in_order(left) if shown.get(n) != values[n])
+            left = self._latest_first(wrong)
             if not left:
                 break
         return [number for number in values if number in left]
+
+    def _latest_first(self, ids: Iterable[int]) -> list[int]:
+        """Return ids in the order of their last answers, the latest one first.
+
+        Behind some that are dead there may be no time for one that was late once.
+        """
+        return sorted(ids, key=lambda n: -self._answered_s.get(n, -math.inf))
 
     @contextlib.contextmanager
     def _as_patient(self, times: int) -> Iterator[None]:
@@ -393,6 +403,7 @@ class ServoBus:
             found = wire.unpack(packet, block.size) if result == SUCCESS else None
             if found is not None and found[0] in ids:
                 heard[found[0]] = found[1]
+                self._answered_s[found[0]] = port.now()
             head_s = 0.0
         return heard
 
