@@ -20,8 +20,10 @@ from gaitchain.robot.whole_file import replace_file
 PACKAGES = ("gaitchain", "mujoco", "numpy", "numba", "scipy", "cmaes")
 """Packages that determine results: another version of one may give other digits."""
 # Subpackages and modules that do not affect the result of a build or of a walk.
-_APART = {"cli", "figures", "live", "service", "bench.py"}
-_APART |= {"servos", "dynamixel", "feetech", "ros"}
+_APART = {
+    *("cli", "figures", "live", "service", "bench.py"),
+    *("servos", "dynamixel", "feetech", "ros"),
+}
 
 
 class Journal:

@@ -186,7 +186,7 @@ def stops_section(body: Any, measures: Measures) -> None:
         metres = ("way of the trunk", *(f"{x:.2f} m" for x in stops.metres))
         table(body, _STOP_HEADS, (seconds, metres))
     if 0 < stops.stood < _TWENTY:
-        said = f"Of {stops.stood} the slowest stands for 19 in 20."
+        said = f"Of {stops.stood} walks the slowest counts as 19 in 20."
         add(body, "p", said)
 
 

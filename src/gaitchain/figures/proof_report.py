@@ -81,6 +81,11 @@ _CHAIN = (
     "that the foot ahead is from the other one; they have numbers, from 0 on. A step "
     "leads from one pose to another. What the robot walks is a chain of such steps."
 )
+_OWN_ROWS = 'They are in the rows of their own world or model alone, as "+ 1".'
+_SEEDED = (
+    "Seeds follow from the library: the same one gives the same walks. They are those "
+    "of NumPy's default_rng."
+)
 _FIXED = "Criterion, fixed before the first walk"
 _CHOSEN_LATER = "Criterion, chosen after walks had been seen"
 _STRATA = (
@@ -247,10 +252,7 @@ class _Report(NamedTuple):
         add(body, "h2", "What came")
         add(body, "p", _STRATA)
         if proof.chosen:
-            said = (
-                f"{describe_chosen(proof.chosen, proof)} They are in the rows of their"
-            )
-            add(body, "p", f'{said} own world or model alone, as "+ 1".')
+            add(body, "p", f"{describe_chosen(proof.chosen, proof)} {_OWN_ROWS}")
         named = named_strata(self.library, proof, self.measures.scale_ns)
         table(body, _HEADS, (_row(name, s, proof) for name, s in named))
         picture(
@@ -271,11 +273,8 @@ class _Report(NamedTuple):
     def _repeat(self, body: Any) -> None:
         proof = self.proof
         add(body, "h2", "How to repeat it")
-        seeds = (
-            "Seeds follow from the library: the same one gives the same walks. They "
-        )
-        seeds += "are those of NumPy's default_rng. "
-        add(body, "p", f"{seeds}Walk n, from 0 to {proof.total.walks - 1}, has these:")
+        last = proof.total.walks - 1
+        add(body, "p", f"{_SEEDED} Walk n, from 0 to {last}, has these:")
         table(body, (), self.facts["seeds"].items())
         if proof.chosen:
             add(body, "p", _chosen_numbers(proof))

@@ -1,6 +1,7 @@
 """The fit of one motion of a log by rounds of replays, equations of `fit`. Ours."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -104,7 +105,7 @@ class MotionFit:
     def most_rounds(self) -> int:
         """Number of rounds of a fit, at most."""
         searched = self.support == "held"
-        return (SEARCHES + len(ROUNDS) if searched else 2 * SMOOTH) + 1
+        return (SEARCHES + len(ROUNDS) if searched else SMOOTH) + 1
 
     def fit(
         self, belief: Belief, rng: np.random.Generator, begin: Callable[[], None]
@@ -119,12 +120,8 @@ class MotionFit:
         rounds = Rounds(rng, begin)
         fit = self._swung if self.support == "held" else self._settled
         found = fit(belief, rounds)
-
-        def certainty() -> Array:
-            begin()
-            return self.certainty(found, belief, rng)
-
-        return found, rounds.run(certainty, Array)
+        known = partial(self.certainty, found, belief, rng)
+        return found, rounds.run(known, Array)
 
     def _swung(self, belief: Belief, rounds: Rounds) -> Array:
         """Return the numbers of hung legs: searched, then by rounds of replays."""
@@ -132,19 +129,9 @@ class MotionFit:
         explained = self.explains(found)
         found = found if explained else belief.mean
         for around in NEAR if explained else ROUNDS:
-            found = self._improved(found, belief, around, rounds)
+            better = partial(self.improve, found, belief, around, rounds.rng)
+            found = rounds.run(better, Array)
         return found
-
-    def _improved(
-        self, start: Array, belief: Belief, around: Round, rounds: Rounds
-    ) -> Array:
-        """Return better numbers by one round, which is kept."""
-
-        def improve() -> Array:
-            rounds.begin()
-            return self.improve(start, belief, around, rounds.rng)
-
-        return rounds.run(improve, Array)
 
     def _settled(self, belief: Belief, rounds: Rounds) -> Array:
         """Return the numbers of a robot that stands: by smooth slopes."""
@@ -156,23 +143,15 @@ class MotionFit:
         precision = np.asarray(np.linalg.inv(belief.covariance))
         prior = GaussianPrior(belief.mean, precision, least, most)
         for _ in range(SMOOTH):
-            found = self._followed(found, belief, prior, rounds)
+            found = rounds.run(partial(self._followed, found, belief, prior), Array)
             if self.explains(found):
                 break
         return found
 
-    def _followed(
-        self, start: Array, belief: Belief, prior: GaussianPrior, rounds: Rounds
-    ) -> Array:
-        """Return where smooth slopes at the start lead, which is kept."""
-
-        def ahead() -> Array:
-            rounds.begin()
-            slope = self._smooth_slopes(start, belief)
-            rounds.begin()
-            return follow(start, slope, prior, self._missed_with, self._weights)
-
-        return rounds.run(ahead, Array, parts=2)
+    def _followed(self, start: Array, belief: Belief, prior: GaussianPrior) -> Array:
+        """Return where smooth slopes at the start lead."""
+        slope = self._smooth_slopes(start, belief)
+        return follow(start, slope, prior, self._missed_with, self._weights)
 
     def _smooth_slopes(self, at: Array, belief: Belief) -> Array:
         """Return slopes of a robot without play and dry friction."""
@@ -208,11 +187,7 @@ class MotionFit:
         """Return the numbers that a search joint by joint finds."""
         rounds = Rounds(np.random.default_rng(_SEARCH_BANK), begin)
         search = JointSearch(*belief, self._groups())
-
-        def select() -> Searched:
-            begin()
-            return self._selected(search, rounds.rng)
-
+        select = partial(self._selected, search, rounds.rng)
         for _ in range(SEARCHES):
             search.go_on(rounds.run(select, Searched))
         return self._clipped(search.found)

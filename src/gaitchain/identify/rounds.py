@@ -21,27 +21,23 @@ class Rounds:
 
         Args:
             rng: source of randomness; a kept round leaves it as the round did.
-            begin: called before each part of a round.
+            begin: called before each round.
         """
         self.rng, self.begin = rng, begin
 
-    def run(self, work: Callable[[], _T], result: type[_T], parts: int = 1) -> _T:
+    def run(self, work: Callable[[], _T], result: type[_T]) -> _T:
         """Do a round, unless the journal has what came of it.
 
         Args:
-            work: the round; it calls `begin` before each part.
+            work: the round.
             result: type of what comes of it.
-            parts: number of its parts.
         """
-        fresh = list[bool]()
+        self.begin()
 
         def anew() -> tuple[_T, dict[str, Any]]:
-            fresh.append(True)
             return work(), dict(self.rng.bit_generator.state)
 
         kind: Any = tuple[result, dict[str, Any]]  # type: ignore[valid-type]
         done: tuple[_T, dict[str, Any]] = run_once("round", anew, kind)
-        for _ in range(0 if fresh else parts):
-            self.begin()
         self.rng.bit_generator.state = done[1]
         return done[0]

@@ -49,7 +49,7 @@ class Disturbance:
     needs: str = ""
     """Another disturbance without which this one does nothing."""
     key_poses: Exposure = _NONE
-    """Levels for the paper's walks, trained open loop."""
+    """Levels for the paper's walks, trained open loop; see `exposure` for faults."""
     strides: Exposure = _NONE
     """Levels for walks of strides, with feedback."""
 

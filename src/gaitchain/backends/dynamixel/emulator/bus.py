@@ -1,8 +1,6 @@
 """A bus of emulated X-series servos, which answer packets of protocol 2.0."""
 
-import time
-from collections.abc import Callable, Iterable, Iterator
-from typing import Any
+from collections.abc import Iterator
 
 from gaitchain.backends.dynamixel.emulator.packets import (
     MOST,
@@ -31,16 +29,6 @@ class EmulatedXSeriesBus(EmulatedBus):
     """Emulated X-series servos on a bus with random transmission faults."""
 
     reader = PacketReader
-
-    def __init__(
-        self,
-        devices: Iterable[Any],
-        seed: int = 0,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        """Connect devices to the bus; see `EmulatedBus`."""
-        super().__init__(devices, seed, clock)
-        self._pending: dict[int, tuple[int, bytes]] = {}
 
     def _answers(self, packet: Packet, now: float) -> Iterator[bytes]:
         """Yield what arrives of the answers to a packet."""
@@ -105,8 +93,9 @@ class EmulatedXSeriesBus(EmulatedBus):
             return OK, device.ping_data
         if kind in (_READ, _WRITE, _REG_WRITE):
             return self._access(device, kind, data)
-        if kind == _ACTION and device.number in self._pending:
-            return device.write(*self._pending.pop(device.number)), b""
+        if kind == _ACTION and device.registered is not None:
+            registered, device.registered = device.registered, None
+            return device.write(*registered), b""
         if kind == _REBOOT:
             device.reboot()
             return OK, b""
@@ -121,7 +110,7 @@ class EmulatedXSeriesBus(EmulatedBus):
         address = int.from_bytes(data[:2], "little")
         if kind == _WRITE:
             return device.write(address, data[2:]), b""
-        self._pending[device.number] = address, data[2:]
+        device.registered = address, data[2:]
         return OK, b""
 
     def _sync_read(self, data: bytes) -> Iterator[_Status]:

@@ -74,6 +74,8 @@ class EmulatedXSeries(TableServo):
         unit_a = math.nan if known is None else known.amperes_per_count
         self._unit_a = math.inf if math.isnan(unit_a) else unit_a
         self._now = self._heard_at = 0.0
+        self.registered: tuple[int, bytes] | None = None
+        """Address and data of a write that waits for an action."""
         self.put(Block(0, 2), model)
         self.put(Block(6, 1), 45)  # firmware
         self.put(Block(7, 1), number)
@@ -85,6 +87,7 @@ class EmulatedXSeries(TableServo):
 
     def reboot(self) -> None:
         """Restart the servo: torque off, no error, RAM reset."""
+        self.registered = None
         self._table[_RAM:] = bytes(_SIZE - _RAM)
         self.put(table.STATUS_LEVEL, 2)
         self.put(table.GOAL_PWM, self._get(table.PWM_LIMIT))

@@ -22,6 +22,8 @@ class EmulatedImu:
     def __init__(self, calibration: ImuCalibration) -> None:
         """Start upright and at rest."""
         self.number = calibration.id
+        self.registered: tuple[int, bytes] | None = None
+        """Address and data of a write that waits for an action."""
         self.angular_velocity: Array = np.zeros(3)
         """(3,) angular velocity in the trunk's frame [rad/s]."""
         self.acceleration: Array = np.array([0.0, 0.0, GRAVITY])
