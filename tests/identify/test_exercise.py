@@ -333,7 +333,7 @@ def test_the_preview_is_of_the_same_targets():
     sent = np.concatenate([motion.targets for motion in MOTIONS])
     assert np.abs(shown.qpos[:, 7:] - sent).max() < 0.2
     held = shown.qpos[: len(MOTIONS[0].targets)]
-    assert np.ptp(held[:, :3], axis=0).max() < 0.005
+    assert np.ptp(held[:, :3], axis=0).max() < 0.01  # what a soft hold gives
     data, heights = mujoco.MjData(model), []
     for row in shown.qpos[len(held) :: 100]:
         data.qpos[:] = row

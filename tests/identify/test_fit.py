@@ -45,7 +45,7 @@ def found(swung):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(motion_fit, "SEARCHES", 8)
         patch.setattr(motion_fit, "REPLAYS", 64)
-        patch.setitem(motion_fit.SURE_REPLAYS, "held", 80)
+        patch.setattr(motion_fit, "SURE_REPLAYS", 80)
         patch.setattr(motion_fit, "EXPLAINED", np.inf)  # of so few rounds
         patch.setattr(motion_fit, "NEAR", (Round(0.1, 0.4),))
         return fit_logs(RES, [swung], 1, quiet)
@@ -108,13 +108,12 @@ def test_a_replay_shows_an_imu_that_is_late_between_its_rows():
 
 @pytest.mark.slow
 def test_a_robot_that_stands_tells_zeros_and_its_com_by_smooth_slopes(monkeypatch):
-    """Through half a degree of play, where the servos are known.
+    """Through half a degree of play, where the servos are known; and how well.
 
     In four seconds it does not tell how high the CoM is.
     """
     monkeypatch.setattr(motion_fit, "SMOOTH", 1)
     monkeypatch.setitem(motion_fit.ROUGH, "standing", 1.0)
-    monkeypatch.setitem(motion_fit.SURE_REPLAYS, "standing", 2)
     parameters = Parameters(RES.legs.joint_names)
     sd = np.full(len(parameters.all), 0.02)
     sd[parameters.places("offset", "tilt", "com")] = 1.0
@@ -132,13 +131,17 @@ def test_a_robot_that_stands_tells_zeros_and_its_com_by_smooth_slopes(monkeypatc
     missed = [motion.missed(RES.as_identified(r), LEAN) for r in (began, one)]
     before, after = (np.sqrt(np.mean(m[:, :12] ** 2)) for m in missed)
     assert after < 0.3 * before
+    monkeypatch.undo()
+    said = np.sqrt(np.diag(motion.certainty_by_slopes(found, belief)))
+    zeros = parameters.places("offset")
+    assert 0.2 < np.sqrt(np.mean(((found - true) / said)[zeros] ** 2)) < 1.0
+    assert said[zeros].max() < 0.9
 
 
 @pytest.mark.slow
 def test_a_robot_that_stands_tells_how_late_its_imu_is(monkeypatch):
     """Where all else is known, floor included; one round of replays."""
     monkeypatch.setitem(motion_fit.ROUGH, "standing", 1.0)
-    monkeypatch.setitem(motion_fit.SURE_REPLAYS, "standing", 88)
     parameters = Parameters(RES.legs.joint_names)
     size = len(parameters.all)
     (own,) = [i for i, p in enumerate(parameters.all) if p.name == "imu_delay_s"]
@@ -150,14 +153,13 @@ def test_a_robot_that_stands_tells_how_late_its_imu_is(monkeypatch):
     motion = MotionFit(RES, log.parts[0], parameters, 1)
     belief, rng = Belief(start, np.diag(known**2)), np.random.default_rng(0)
     found = motion.improve(start, belief, Round(1.0), rng)
-    covariance = motion.certainty(found, belief, rng)
+    covariance = motion.certainty_by_slopes(found, belief)
     assert parameters.read(found)[0].imu_delay_s == pytest.approx(0.02, abs=0.003)
     assert np.sqrt(covariance[own, own]) < 0.3
 
 
-def test_where_every_replay_falls_that_is_said(monkeypatch):
+def test_where_every_replay_falls_that_is_said():
     """Of a file whose trunk is too far ahead to stand."""
-    monkeypatch.setitem(motion_fit.SURE_REPLAYS, "standing", 2)
     ahead = RES.legs.trunk_com + np.array([0.3, 0.0, 0.0])
     other = with_legs(RES, replace(RES.legs, trunk_com=ahead))
     parameters = Parameters(RES.legs.joint_names)
@@ -167,7 +169,7 @@ def test_where_every_replay_falls_that_is_said(monkeypatch):
     motion = MotionFit(other, log.parts[0], parameters, 1)
     belief = Belief(np.zeros(size), 1e-4 * np.eye(size))
     with pytest.raises(LogError, match="every replay of the log falls"):
-        motion.certainty(belief.mean, belief, np.random.default_rng(0))
+        motion.certainty_by_slopes(belief.mean, belief)
 
 
 def test_the_damping_of_servos_that_have_none_stays_unknown(monkeypatch):
@@ -180,7 +182,7 @@ def test_the_damping_of_servos_that_have_none_stays_unknown(monkeypatch):
     log = ExerciseLog(robot.name, robot.fingerprint, names, CONTROL_PERIOD_S, (part,))
     monkeypatch.setattr(motion_fit, "SEARCHES", 2)
     monkeypatch.setattr(motion_fit, "REPLAYS", 40)
-    monkeypatch.setitem(motion_fit.SURE_REPLAYS, "held", 76)
+    monkeypatch.setattr(motion_fit, "SURE_REPLAYS", 76)
     monkeypatch.setattr(motion_fit, "EXPLAINED", np.inf)
     monkeypatch.setattr(motion_fit, "NEAR", (Round(0.1, 0.4),))
     found = fit_logs(robot, [log], 1, quiet)
@@ -323,7 +325,7 @@ def test_a_library_is_fitted_by_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(motion_fit, "SEARCHES", 1)
     monkeypatch.setattr(motion_fit, "ROUNDS", (Round(0.2),))
     monkeypatch.setattr(motion_fit, "REPLAYS", 60)
-    monkeypatch.setitem(motion_fit.SURE_REPLAYS, "held", 76)
+    monkeypatch.setattr(motion_fit, "SURE_REPLAYS", 76)
     fits, adapt = [], identify.adapt
     monkeypatch.setattr(
         identify, "adapt", lambda *given: fits.append(given[1]) or adapt(*given)
@@ -351,7 +353,7 @@ def test_a_library_is_fitted_by_the_command_line(tmp_path, monkeypatch, capsys):
     assert "replay misses the joints by" in said
     assert "mine.gait.identify.jsonl: what is finished; the same command" in said
     assert not out.exists()
-    for work in ("_selected", "improve", "certainty"):
+    for work in ("_selected", "improve", "certainty_by_pairs"):
         again = lambda *given: pytest.fail("fitted again")  # noqa: E731
         monkeypatch.setattr(MotionFit, work, again)
     with few_steady_walks():

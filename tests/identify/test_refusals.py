@@ -83,7 +83,7 @@ def test_a_robot_without_power_is_refused_before_any_work(good, tmp_path, capsys
     save_log(log_with(with_joints(good, HELD.targets[0] + noise)), path)
     assert run(["identify", "res", str(path), "-o", str(out)]) == 2
     said = capsys.readouterr().err
-    assert "encoders show 0% of 36.8 deg of left_hip_yaw" in said
+    assert "encoders show 0% of 38.5 deg of left_hip_yaw" in said
     assert "and 6 more; a fit needs 25% at least" in said
     assert list(tmp_path.iterdir()) == [path]
 
@@ -240,12 +240,14 @@ def test_a_fit_that_explains_nothing_is_refused(good, monkeypatch):
     """Of a log that no robot makes, or where nothing is fitted: no numbers are told."""
     for rounds, none in (("SEARCHES", 0), ("NEAR", ()), ("ROUNDS", ())):
         monkeypatch.setattr(motion_fit, rounds, none)
-    monkeypatch.setattr(MotionFit, "certainty", lambda own, found, b, rng: b.covariance)
+    monkeypatch.setattr(
+        MotionFit, "certainty_by_pairs", lambda own, found, b, rng: b.covariance
+    )
     with pytest.raises(LogError, match="the log tells no number of any joint"):
         fit_logs(RES, [log_with(good)], 1, quiet)
     bent = good.measured.joint_position + np.radians(20.0) * (np.arange(12) == 3)
     with pytest.raises(
-        LogError, match=r"miss the joints by 5.88 deg after the fit, 5.77 before"
+        LogError, match=r"miss the joints by 5.83 deg after the fit, 5.77 before"
     ):
         fit_logs(RES, [log_with(with_joints(good, bent))], 1, quiet)
 

@@ -52,7 +52,7 @@ def test_an_interrupted_fit_ends_as_one_that_was_not(tmp_path, monkeypatch, supp
     monkeypatch.setattr(motion_fit, "SMOOTH", 1)
     monkeypatch.setattr(motion_fit, "NEAR", (Round(0.1, 0.4),))
     monkeypatch.setattr(motion_fit, "EXPLAINED", np.inf)
-    monkeypatch.setattr(motion_fit, "SURE_REPLAYS", {"held": 76, "standing": 4})
+    monkeypatch.setattr(motion_fit, "SURE_REPLAYS", 76)
     (targets,) = (m.targets[200:600] for m in exercise(RES) if m.support == support)
     softer = replace(Identified.of_file(12), gain=np.full(12, 0.8))
     (part,) = log_of(Motion(support, targets), softer).parts

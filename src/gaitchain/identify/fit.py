@@ -15,9 +15,10 @@ and dry friction (`chord`). The covariance of p is then, by Laplace's approximat
 
     C = (J^T J + B^-1)^-1,   J = d f / d p / s                                     (2)
 
-with J^T J as `certainty` has it. The motions of a log are taken in turn: what one tells
-is believed for the next. While the trunk is held, legs do not know of each other, and
-what they tell of zeros is not kept: offsets and the trunk's attitude tell the same.
+with J^T J of hung legs as `certainty` has it, and of a stand by smooth slopes at p. The
+motions of a log are taken in turn: what one tells is believed for the next. While the
+trunk is held, legs do not know of each other, and what they tell of zeros is not kept:
+offsets and the trunk's attitude tell the same.
 """
 
 from collections.abc import Callable, Sequence

@@ -57,14 +57,20 @@ _ANY = Round(1.0)
 ROUGH = {"held": 1.0, "standing": 5.0}
 """Times its residual that a row counts as: where soles touch the floor, slopes differ
 from place to place, and a search ends where more than noise is missed."""
-SURE = {"held": Round(0.3, 1.0), "standing": Round(0.2)}
-"""Replays that show how well the numbers are known that were found."""
-SURE_REPLAYS = {"held": 96, "standing": 192}
+SURE = Round(0.3, 1.0)
+"""Replays that show how well hung legs tell the numbers that were found."""
+SURE_REPLAYS = 96
 """Number of them, in pairs; more of these than of slopes."""
+OTHER = 2.0
+"""Times its residual that a row counts as, once more, in what smooth slopes tell: they
+are those of another robot."""
 EXPLAINED = 0.5 * (BLOCK + 1)
 """Most likeness of a joint's residuals, see `spread`, that are noise, mostly."""
 _LEAST_SPREAD = 0.03
 _ROUGHEN = "backlash_deg", "dry_friction", "stiction"  # what smooth slopes are without
+_BY_HUNG_LEGS = "damping", "backlash_deg", "dry_friction", *OF_SERVOS
+"""Numbers of which a stand says what the smooth robot does not have, or next to
+nothing."""
 _SLOPE, _LEAST_SLOPE = 0.3, 0.1  # differences, of deviations; least of these
 _STEPS = (1.0, 0.5)  # parts of a Gauss-Newton step that are tried
 _FALLEN = 1.0  # residual of a row that the replay did not reach; no joint's else [rad]
@@ -118,9 +124,12 @@ class MotionFit:
             begin: called before each round, and before the replays for the covariance.
         """
         rounds = Rounds(rng, begin)
-        fit = self._swung if self.support == "held" else self._settled
-        found = fit(belief, rounds)
-        known = partial(self.certainty, found, belief, rng)
+        if self.support == "held":
+            found = self._swung(belief, rounds)
+            known = partial(self.certainty_by_pairs, found, belief, rng)
+        else:
+            found = self._settled(belief, rounds)
+            known = partial(self.certainty_by_slopes, found, belief)
         return found, rounds.run(known, Array)
 
     def _swung(self, belief: Belief, rounds: Rounds) -> Array:
@@ -231,27 +240,20 @@ class MotionFit:
         best: Array = vectors[int(np.argmin(costs))]
         return best
 
-    def certainty(
+    def certainty_by_pairs(
         self, found: Array, belief: Belief, rng: np.random.Generator
     ) -> Array:
-        """Return the covariance (2) of numbers that were found.
+        """Return the covariance (2) of numbers that were found: by pairs of replays.
 
         Args:
             found: the numbers.
             belief: without this motion.
             rng: source of randomness.
-
-        Raises:
-            LogError: of no pair of opposite numbers both replays stayed on their feet.
         """
-        around, number = SURE[self.support], SURE_REPLAYS[self.support]
-        tried = self._clipped(found + self._around(belief, around, number, rng))
-        replays = self._replays([found, *tried])
-        tables = self._tables(replays)
+        tried = self._clipped(found + self._around(belief, SURE, SURE_REPLAYS, rng))
+        tables = self._missed_with([found, *tried])
         rows = tables[1:] * self._weights(tables[0])
-        stood = np.logical_and(*self._stood(replays[1:]).reshape(2, -1))
-        _check_stood(np.flatnonzero(stood))
-        moved, apart = _halves(tried)[stood], _halves(rows)[stood]
+        moved, apart = _halves(tried), _halves(rows)
         told = np.zeros_like(belief.covariance)
         for sensors, numbers in self._effects():
             seen = apart[:, :, sensors].reshape(len(apart), -1)
@@ -259,6 +261,24 @@ class MotionFit:
                 moved[:, numbers], seen
             )
         return posterior_covariance(belief.covariance, told)
+
+    def certainty_by_slopes(self, found: Array, belief: Belief) -> Array:
+        """Return the covariance (2) of numbers that were found: by smooth slopes.
+
+        Args:
+            found: the numbers.
+            belief: without this motion.
+
+        Raises:
+            LogError: the robot falls with them.
+        """
+        replays = self._replays([found])
+        _check_stood(np.flatnonzero(self._stood(replays)))
+        weights = self._weights(self._table(replays[0])) / OTHER
+        slope = self._smooth_slopes(found, belief) * weights[:, None]
+        slope[..., self._parameters.places(*_BY_HUNG_LEGS)] = 0.0
+        flat = slope.reshape(-1, len(found))
+        return posterior_covariance(belief.covariance, flat.T @ flat)
 
     def _stood(self, replays: Sequence[Measured]) -> NDArray[np.bool_]:
         """Return which replays stayed on their feet."""

@@ -1,8 +1,11 @@
 """Safe motions that show what a robot is: hung legs swing, and it sways. Ours.
 
 Every target is a slow sine and a fast, small one of other joints' other frequencies, so
-that the joints can be told apart; both grow from rest and come to rest again. The first
-part needs a trunk that is held up, the second one level ground under both soles.
+that the joints can be told apart; both grow from rest and come to rest again. What the
+leg weighs loads most joints of a leg that swings; a hip yaw, whose axis is vertical, it
+loads not at all. So knees are bent, and the less a joint bears, the faster it shakes,
+and its leg's inertia is the load. The first part needs a trunk that
+is held up, the second one level ground under both soles.
 """
 
 from dataclasses import dataclass
@@ -10,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from gaitchain.balance.feedforward import LegLoad, load_torques
 from gaitchain.balance.leg_ik import leg_joints
 from gaitchain.balance.leg_kinematics import Legs, legs_of, posture
 from gaitchain.errors import BackendError
@@ -24,9 +28,12 @@ _RAMP_S, _REST_S = 2.0, 1.0  # of growing from rest, and rest before and after
 # Hung legs.
 _SWING_RAD, _SHAKE_RAD = 0.45, 0.06  # most of the slow and of the fast sine
 _OF_RANGE = 0.35  # of the way to the nearer limit: most of the slow sine, half fast
-_OF_SPEED = 0.15  # of the speed limit: most of each sine
+_OF_SPEED = 0.15, 0.3  # of the speed limit: most of the slow and of the fast sine
 _APART_RAD = 0.2  # by which each leg is spread, so that the feet cannot meet
-_SLOW_HZ, _FAST_HZ = (0.12, 0.3), (1.0, 2.6)  # first and last joint's
+_DRAWN, _DRAWING = 0.2, 20  # of the leg, by which feet are drawn up; poses on the way
+_SLOW_HZ = 0.12, 0.3  # first and last joint's
+_FAST_HZ = 1.0, 5.0  # of the joint that bears most, and of the one that bears least
+_DIGITS = 6  # of what a joint bears: both legs' joints bear the same
 _STEEP = 0.5  # least part of an axis that turns the leg outward
 # Standing, for each coordinate of the pelvis.
 _AHEAD, _ASIDE, _LOWER = 0.1, 0.08, 0.05  # of the sole, the hips' width, the leg
@@ -64,7 +71,7 @@ class Motion:
 def exercise(robot: Robot) -> tuple[Motion, ...]:
     """Return the motions of a robot: with its trunk held up, and standing.
 
-    Joints stay within their ranges, and far below their speed limits.
+    Joints stay within their ranges, and below half of their speed limits.
 
     Args:
         robot: the robot.
@@ -103,31 +110,57 @@ def _envelope(times: Array) -> Array:
 def _swinging(robot: Robot) -> Array:
     """Return targets of legs that swing freely, (N, 2 n) [rad]."""
     legs, times = robot.legs, _times("held")
-    middle = _spread(robot)
-    room = np.minimum(legs.upper - middle, middle - legs.lower)
-    slow_hz, fast_hz = (
-        np.geomspace(*span, len(middle)) for span in (_SLOW_HZ, _FAST_HZ)
-    )
-    speed = _OF_SPEED * np.where(np.isfinite(legs.speed_limit), legs.speed_limit, 10.0)
-    swing = np.minimum(_SWING_RAD, _OF_RANGE * np.maximum(room, 0.0))
-    swing = np.minimum(swing, speed / (2.0 * np.pi * slow_hz))
-    shake = np.minimum(_SHAKE_RAD, 0.5 * _OF_RANGE * np.maximum(room, 0.0))
-    shake = np.minimum(shake, speed / (2.0 * np.pi * fast_hz))
+    middle = _hanging(robot)
+    room = np.maximum(np.minimum(legs.upper - middle, middle - legs.lower), 0.0)
+    speed = np.where(np.isfinite(legs.speed_limit), legs.speed_limit, 10.0)
+    slow, fast = (part * speed / (2.0 * np.pi) for part in _OF_SPEED)
+    slow_hz = np.geomspace(*_SLOW_HZ, len(middle))
+    swing = np.minimum(_SWING_RAD, _OF_RANGE * room)
+    swing = np.minimum(swing, slow / slow_hz)
+    fast_hz = _fast_hz(_weight_borne(robot, middle, swing))
+    shake = np.minimum(_SHAKE_RAD, 0.5 * _OF_RANGE * room)
+    shake = np.minimum(shake, fast / fast_hz)
     turn = 2.0 * np.pi * times[:, None]
     off = swing * np.sin(turn * slow_hz) + shake * np.sin(turn * fast_hz)
     return np.asarray(middle + _envelope(times) * off)
 
 
-def _spread(robot: Robot) -> Array:
-    """Return the standing pose with the legs apart, within the joints' ranges."""
-    legs = robot.legs
+def _weight_borne(robot: Robot, middle: Array, swing: Array) -> Array:
+    """Return what a leg's weight changes by at each joint that swings, (2 n,) [N m]."""
+    legs = legs_of(robot)
+    hung = LegLoad(np.zeros(3), 0.0, 0.0, 0.0)
+    still = np.zeros((2, 3, robot.legs.leg_joints, 3))
+
+    def held(joints: Array) -> Array:
+        return load_torques(legs, posture(legs, joints), hung, hung, still)
+
+    ends = [(held(middle + one), held(middle - one)) for one in np.diag(swing)]
+    return np.array([abs((a - b)[j]) for j, (a, b) in enumerate(ends)])
+
+
+def _fast_hz(borne: Array) -> Array:
+    """Return how fast each joint shakes, the faster the less it bears, (2 n,) [Hz]."""
+    order = np.argsort(-np.round(borne, _DIGITS), kind="stable")
+    hz = np.empty(len(borne))
+    hz[order] = np.geomspace(*_FAST_HZ, len(borne))
+    return hz
+
+
+def _hanging(robot: Robot) -> Array:
+    """Return a pose with the feet drawn up and the legs apart, within their ranges.
+
+    A shank that hangs straight down loads no knee, and its leg has no inertia about a
+    hip yaw.
+    """
+    legs, way = robot.legs, np.zeros((_DRAWING, 6))
+    way[:, 2] = np.linspace(0.0, -_DRAWN * robot.reduced.leg_length, _DRAWING)
     outward = legs.axis[..., 0].copy()
     outward[1] *= -1.0
     upper = np.arange(legs.leg_joints) < legs.knee
     chosen = np.where(upper & (np.abs(outward) > _STEEP), np.sign(outward), 0.0)
-    spread = legs.stand + _APART_RAD * chosen.ravel()
+    drawn = _on_feet(legs_of(robot), robot, way)[-1] + _APART_RAD * chosen.ravel()
     ease = 0.1 * (legs.upper - legs.lower)
-    return np.asarray(np.clip(spread, legs.lower + ease, legs.upper - ease))
+    return np.asarray(np.clip(drawn, legs.lower + ease, legs.upper - ease))
 
 
 def _shifting(robot: Robot) -> Array:
