@@ -23,6 +23,7 @@ from gaitchain.live.exercise import Motion, exercise, sway
 from gaitchain.messages import CONTROL_PERIOD_S, GRAVITY
 from gaitchain.sim.bodies import FOOT, SIDES
 from gaitchain.sim.model import build_model
+from gaitchain.sim.truth import SimulatorTruth
 from gaitchain.sim.world import World
 
 MOTIONS = exercise(RES)
@@ -37,6 +38,17 @@ def test_it_takes_less_than_a_minute_and_stays_inside_the_limits():
         speed = np.abs(np.diff(motion.targets, axis=0)) / CONTROL_PERIOD_S
         assert (speed < 0.5 * legs.speed_limit).all()
         np.testing.assert_allclose(motion.targets[0], motion.targets[-1], atol=1e-9)
+
+
+def test_hung_legs_stay_apart():
+    """Links pass through each other in simulation, not on a robot."""
+    shown, model = preview(RES), build_model(RES, World(held=True))
+    data = mujoco.MjData(model)
+    truth = SimulatorTruth(model, data, World(held=True))
+    for row in shown.qpos[: len(MOTIONS[0].targets) : 5]:
+        data.qpos[:] = row
+        mujoco.mj_kinematics(model, data)
+        assert not truth.self_contact
 
 
 def test_every_joint_moves():

@@ -26,7 +26,7 @@ from gaitchain.robot.identified import UNSURE, Identified
 from gaitchain.sim.robot_faults import unsure_fields
 from gaitchain.sim.world import World
 
-ROWS = 500
+ROWS = 700
 
 
 def quiet(stage, done, total):
@@ -35,7 +35,7 @@ def quiet(stage, done, total):
 
 @pytest.fixture(scope="module")
 def swung():
-    """Five seconds of legs that swing."""
+    """Seven seconds of legs that swing."""
     held = exercise(RES)[0]
     return log_of(Motion("held", held.targets[:ROWS]))
 
@@ -43,7 +43,7 @@ def swung():
 @pytest.fixture(scope="module")
 def found(swung):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(motion_fit, "SEARCHES", 8)
+        patch.setattr(motion_fit, "SEARCHES", 12)
         patch.setattr(motion_fit, "REPLAYS", 64)
         patch.setattr(motion_fit, "SURE_REPLAYS", 80)
         patch.setattr(motion_fit, "EXPLAINED", np.inf)  # of so few rounds

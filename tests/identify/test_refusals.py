@@ -247,7 +247,7 @@ def test_a_fit_that_explains_nothing_is_refused(good, monkeypatch):
         fit_logs(RES, [log_with(good)], 1, quiet)
     bent = good.measured.joint_position + np.radians(20.0) * (np.arange(12) == 3)
     with pytest.raises(
-        LogError, match=r"miss the joints by 5.83 deg after the fit, 5.77 before"
+        LogError, match=r"miss the joints by 5.84 deg after the fit, 5.77 before"
     ):
         fit_logs(RES, [log_with(with_joints(good, bent))], 1, quiet)
 

@@ -29,9 +29,9 @@ _RAMP_S, _REST_S = 2.0, 1.0  # of growing from rest, and rest before and after
 _SWING_RAD, _SHAKE_RAD = 0.45, 0.06  # most of the slow and of the fast sine
 _OF_RANGE = 0.35  # of the way to the nearer limit: most of the slow sine, half fast
 _OF_SPEED = 0.15, 0.3  # of the speed limit: most of the slow and of the fast sine
-_APART_RAD = 0.2  # by which each leg is spread, so that the feet cannot meet
+_APART_RAD = 0.2  # by which each leg is spread
 _DRAWN, _DRAWING = 0.2, 20  # of the leg, by which feet are drawn up; poses on the way
-_SLOW_HZ = 0.12, 0.3  # first and last joint's
+_SLOW_HZ = 0.12, 0.3  # first and last joint's, of both legs: they swing side by side
 _FAST_HZ = 1.0, 5.0  # of the joint that bears most, and of the one that bears least
 _DIGITS = 6  # of what a joint bears: both legs' joints bear the same
 _STEEP = 0.5  # least part of an axis that turns the leg outward
@@ -114,15 +114,27 @@ def _swinging(robot: Robot) -> Array:
     room = np.maximum(np.minimum(legs.upper - middle, middle - legs.lower), 0.0)
     speed = np.where(np.isfinite(legs.speed_limit), legs.speed_limit, 10.0)
     slow, fast = (part * speed / (2.0 * np.pi) for part in _OF_SPEED)
-    slow_hz = np.geomspace(*_SLOW_HZ, len(middle))
+    slow_hz = np.tile(np.geomspace(*_SLOW_HZ, legs.leg_joints), 2)
     swing = np.minimum(_SWING_RAD, _OF_RANGE * room)
-    swing = np.minimum(swing, slow / slow_hz)
+    swing = _alike(np.minimum(swing, slow / slow_hz))
     fast_hz = _fast_hz(_weight_borne(robot, middle, swing))
     shake = np.minimum(_SHAKE_RAD, 0.5 * _OF_RANGE * room)
     shake = np.minimum(shake, fast / fast_hz)
-    turn = 2.0 * np.pi * times[:, None]
-    off = swing * np.sin(turn * slow_hz) + shake * np.sin(turn * fast_hz)
+    turn, way = 2.0 * np.pi * times[:, None], _same_way(robot)
+    off = way * swing * np.sin(turn * slow_hz) + shake * np.sin(turn * fast_hz)
     return np.asarray(middle + _envelope(times) * off)
+
+
+def _alike(swing: Array) -> Array:
+    """Return the lesser swing of both legs' joints: else the legs would meet."""
+    return np.tile(np.min(swing.reshape(2, -1), axis=0), 2)
+
+
+def _same_way(robot: Robot) -> Array:
+    """Return the signs with which both legs swing side by side, (2 n,)."""
+    left, right = robot.legs.axis
+    other = np.sign(np.sum(left * right, axis=1))
+    return np.concatenate([np.ones(len(other)), other])
 
 
 def _weight_borne(robot: Robot, middle: Array, swing: Array) -> Array:
