@@ -285,6 +285,26 @@ class Late(Memory):
         return len(packet)
 
 
+class LateFor(Late):
+    """The same; how long depends on the device that is asked."""
+
+    def writePort(self, packet):
+        asked = packet[4]
+        self.late_s = {1: 0.01, 2: 0.1, 3: 0.2}[asked]
+        self.next = encode(asked, STATUS, b"\0" + (1020).to_bytes(2, "little") + b"\0")
+        return super().writePort(packet)
+
+
+def test_a_device_is_asked_once_more_where_another_one_answers():
+    """With the supply off all are silent: nobody waits longer for that."""
+    bus = ServoBus(
+        "late", 1_000_000, 0.01, lambda *_: LateFor("late", 1_000_000, 0.01), make=MAKE
+    )
+    bus.open()
+    assert bus.find([1, 2, 3]) == {1: 1020, 2: 1020}
+    assert bus.find([2]) == {}
+
+
 @pytest.mark.parametrize(
     ("late_s", "found"), [(0.01, True), (0.08, True), (0.1, False)]
 )

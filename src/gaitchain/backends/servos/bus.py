@@ -192,13 +192,15 @@ class ServoBus:
         """Return the model numbers by id of those of some devices that answer.
 
         Each attempt waits twice as long as the one before: on a busy computer an answer
-        is late, not lost.
+        is late, not lost. Where some answer and others do not, there is one more.
 
         Raises:
             BackendError: the port is lost.
         """
         wanted, models = list(ids), dict[int, int]()
-        for attempt in range(_TRIES):
+        for attempt in range(_TRIES + 1):
+            if attempt == _TRIES and not models:
+                break
             with self._as_patient(2**attempt):
                 found = {n: self.ping(n) for n in wanted if n not in models}
             models |= {n: model for n, model in found.items() if model is not None}
