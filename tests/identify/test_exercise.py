@@ -51,6 +51,14 @@ def test_hung_legs_stay_apart():
         assert not truth.self_contact
 
 
+def test_nothing_is_shown_of_legs_that_meet(monkeypatch):
+    """As of legs whose hips roll against each other."""
+    against = np.where(np.arange(12) == 1, -1.0, 1.0)
+    monkeypatch.setattr("gaitchain.live.exercise._same_way", lambda robot: against)
+    with pytest.raises(BackendError, match=r"the legs of Robo.* meet in"):
+        preview(RES)
+
+
 def test_every_joint_moves():
     for motion in MOTIONS:
         assert (np.ptp(motion.targets, axis=0) > 0.01).all()

@@ -137,12 +137,12 @@ def preview(robot: Robot) -> Preview:
         robot: the robot of the file.
 
     Raises:
-        BackendError: it fell.
+        BackendError: it fell, or its legs met.
     """
     rows = []
     for motion in exercise(robot):
         backend = _settled(robot, motion, np.zeros(2), World())
-        came = [backend.data.qpos.copy() for _ in _moved(backend, motion)]
+        came = [_apart(backend, robot.name) for _ in _moved(backend, motion)]
         if len(came) < len(motion.targets):
             raise BackendError(
                 f"{robot.name} falls {len(came) * CONTROL_PERIOD_S:.1f} s after it "
@@ -152,6 +152,21 @@ def preview(robot: Robot) -> Preview:
             )
         rows += came
     return Preview(CONTROL_PERIOD_S * np.arange(len(rows), dtype=float), np.array(rows))
+
+
+def _apart(backend: MujocoBackend, name: str) -> Array:
+    """Return the positions of a robot whose legs do not touch each other.
+
+    Raises:
+        BackendError: they do; in simulation links pass through each other.
+    """
+    if backend.self_contact:
+        raise BackendError(
+            f"the legs of {name} meet in the exercise: no motor has moved, and none "
+            "should; correct the shapes or the hips' width in the file, or narrow the "
+            "limits of hip rolls and yaws in its profile"
+        )
+    return np.array(backend.data.qpos)
 
 
 def _settled(robot: Robot, motion: Motion, lean: Array, world: World) -> MujocoBackend:

@@ -133,8 +133,8 @@ def _alike(swing: Array) -> Array:
 def _same_way(robot: Robot) -> Array:
     """Return the signs with which both legs swing side by side, (2 n,)."""
     left, right = robot.legs.axis
-    other = np.sign(np.sum(left * right, axis=1))
-    return np.concatenate([np.ones(len(other)), other])
+    mirrored = np.sum(left * right, axis=1) < 0.0
+    return np.concatenate([np.ones(len(mirrored)), np.where(mirrored, -1.0, 1.0)])
 
 
 def _weight_borne(robot: Robot, middle: Array, swing: Array) -> Array:
