@@ -443,4 +443,4 @@ def test_the_command_line_writes_the_hidden_robots_log(tmp_path):
 
 def test_measured_rows_are_arrays(swung):
     assert isinstance(swung.parts[0].measured, Measured)
-    assert swung.seconds == pytest.approx(5.0)
+    assert swung.seconds == pytest.approx(ROWS * CONTROL_PERIOD_S)
