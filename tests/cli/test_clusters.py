@@ -13,20 +13,24 @@ from pathlib import Path
 
 import pytest
 from joblib import parallel_config
+from killed_work import killed_work
 from small_build import SMALLEST, few_steady_walks
 from small_proof import proven
 
 from gaitchain.build.grid import Grid
-from gaitchain.build.jobs import run_jobs
+from gaitchain.build.jobs import keeping, run_jobs
+from gaitchain.build.journal import Journal
 from gaitchain.build.pipeline import build_library
 from gaitchain.build.qualify import qualify_grid
 from gaitchain.build.workers import Crew
 from gaitchain.cli.cluster import dask_client, on_ray
+from gaitchain.errors import WorkerError
 from gaitchain.gait.library_file import library_bytes
 
 pytestmark = pytest.mark.slow
 # Not imported here: Ray looks at its settings when it is imported.
 needs_ray = pytest.mark.skipif(find_spec("ray") is None, reason="no Ray")
+SUPPORT = Path(__file__).parents[1] / "support"
 TINY = Grid((), corners=False)
 
 
@@ -97,6 +101,33 @@ def test_dask_keeps_nothing_of_jobs_that_are_done(dask):
         for _ in range(10):
             assert sum(run_jobs(len, jobs, int, 2, batch_size=1)) == 50 * size
         assert resident_mib() - before_mib < 40.0
+
+
+@needs_ray
+@pytest.mark.skipif(os.name == "nt", reason="no such signal")
+def test_ray_sends_jobs_again_whose_process_is_killed(tmp_path, monkeypatch):
+    """Ray's processes import what they call, here from among the tests."""
+    monkeypatch.setenv("PYTHONPATH", str(SUPPORT))
+    for often in "once", "always":
+        (tmp_path / often).mkdir()
+
+    def kept(name):
+        return Journal(tmp_path / f"{name}.jsonl")
+
+    def thirds(often, times, jobs):
+        each = [(times, number, tmp_path / often) for number in range(jobs)]
+        with keeping(kept(often)):
+            return list(run_jobs(killed_work, each, float, 2, batch_size=1))
+
+    with on_ray(None, 2):
+        assert thirds("once", 1, 9) == [n / 3 for n in range(9)]
+        with pytest.raises(WorkerError, match="memory"):
+            thirds("always", 1000, 3)
+    assert len(list((tmp_path / "once").iterdir())) == 1
+    numbers = [
+        sorted(key[-1] for key, _ in kept(often).found) for often in ("once", "always")
+    ]
+    assert numbers == [list(range(9)), [0, 1]], "each once"
 
 
 @needs_ray
