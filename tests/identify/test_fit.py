@@ -43,11 +43,9 @@ def swung():
 @pytest.fixture(scope="module")
 def found(swung):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(motion_fit, "SEARCHES", 12)
+        patch.setattr(motion_fit, "CLIMBS", 20)
         patch.setattr(motion_fit, "REPLAYS", 64)
         patch.setattr(motion_fit, "SURE_REPLAYS", 80)
-        patch.setattr(motion_fit, "EXPLAINED", np.inf)  # of so few rounds
-        patch.setattr(motion_fit, "NEAR", (Round(0.1, 0.4),))
         return fit_logs(RES, [swung], 1, quiet)
 
 
@@ -180,11 +178,9 @@ def test_the_damping_of_servos_that_have_none_stays_unknown(monkeypatch):
     softer = replace(Identified.of_file(count), gain=np.full(count, 0.8))
     part = MotionLog(seen, replay(robot.as_identified(softer), seen, LEAN, World()))
     log = ExerciseLog(robot.name, robot.fingerprint, names, CONTROL_PERIOD_S, (part,))
-    monkeypatch.setattr(motion_fit, "SEARCHES", 2)
+    monkeypatch.setattr(motion_fit, "CLIMBS", 3)
     monkeypatch.setattr(motion_fit, "REPLAYS", 40)
     monkeypatch.setattr(motion_fit, "SURE_REPLAYS", 76)
-    monkeypatch.setattr(motion_fit, "EXPLAINED", np.inf)
-    monkeypatch.setattr(motion_fit, "NEAR", (Round(0.1, 0.4),))
     found = fit_logs(robot, [log], 1, quiet)
     np.testing.assert_array_equal(found.identified.damping, np.ones(count))
     damping = [n for n in found.numbers if n.parameter.name == "damping"]
@@ -323,7 +319,7 @@ def test_a_library_is_fitted_by_the_command_line(tmp_path, monkeypatch, capsys):
     Interrupted there it has shown the fit, and goes on with the same one.
     """
     monkeypatch.setattr(motion_fit, "SEARCHES", 1)
-    monkeypatch.setattr(motion_fit, "ROUNDS", (Round(0.2),))
+    monkeypatch.setattr(motion_fit, "CLIMBS", 0)
     monkeypatch.setattr(motion_fit, "REPLAYS", 60)
     monkeypatch.setattr(motion_fit, "SURE_REPLAYS", 76)
     fits, adapt = [], identify.adapt

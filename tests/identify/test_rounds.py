@@ -10,7 +10,7 @@ from servo_bench import RES
 from gaitchain.build.jobs import keeping
 from gaitchain.build.journal import Journal
 from gaitchain.identify import motion_fit
-from gaitchain.identify.motion_fit import Belief, MotionFit, Round
+from gaitchain.identify.motion_fit import Belief, MotionFit
 from gaitchain.identify.parameters import Parameters
 from gaitchain.identify.rounds import Rounds
 from gaitchain.live.exercise import Motion, exercise
@@ -48,10 +48,10 @@ def test_rounds_that_are_kept_leave_the_same_draws_to_the_next(tmp_path):
 @pytest.mark.parametrize("support", ["held", "standing"])
 def test_an_interrupted_fit_ends_as_one_that_was_not(tmp_path, monkeypatch, support):
     monkeypatch.setattr(motion_fit, "SEARCHES", 2)
+    monkeypatch.setattr(motion_fit, "CLIMBS", 2)
+    monkeypatch.setattr(motion_fit, "CROWD", 12)
     monkeypatch.setattr(motion_fit, "REPLAYS", 40)
     monkeypatch.setattr(motion_fit, "SMOOTH", 1)
-    monkeypatch.setattr(motion_fit, "NEAR", (Round(0.1, 0.4),))
-    monkeypatch.setattr(motion_fit, "EXPLAINED", np.inf)
     monkeypatch.setattr(motion_fit, "SURE_REPLAYS", 76)
     (targets,) = (m.targets[200:600] for m in exercise(RES) if m.support == support)
     softer = replace(Identified.of_file(12), gain=np.full(12, 0.8))

@@ -8,10 +8,10 @@ deviations p from what was believed are
 with what is believed, mean m and covariance B, and s_i the size of a sensor's residual;
 residuals that are alike from row to row count as fewer rows. Play and friction make
 f(p) rough, so that slopes at a point lead astray. Of hung legs p is searched without
-any (`joint_search`); where that does not explain the log, as in iterated ensemble
-smoothers [Chada21], J is the regression of replays with many deviations at once, whose
-spread is reduced from round to round. Of a stand J is that of the robot without play
-and dry friction (`chord`). The covariance of p is then, by Laplace's approximation,
+any (`joint_search`, `joint_climb`). Of a stand J is that of the robot without play and
+dry friction (`chord`); where it would fall, J is first, as in ensemble smoothers
+[Chada21], the regression of replays with many deviations at once. The covariance of p
+is then, by Laplace's approximation,
 
     C = (J^T J + B^-1)^-1,   J = d f / d p / s                                     (2)
 

@@ -1,4 +1,4 @@
-"""Where the replays of hung legs come closest to a log: joint by joint. Ours.
+"""Where the replays of hung legs come close to a log: joint by joint. Ours.
 
 While the trunk is held, what a joint's encoder shows tells of its own servo first, and
 of the others' little. So one round of replays, each with other numbers for all joints,
@@ -40,6 +40,35 @@ class Searched(NamedTuple):
     """Of each group the covariance from which its numbers are drawn next."""
 
 
+class GroupPrior:
+    """What is believed of some numbers, given all others."""
+
+    def __init__(self, mean: Array, covariance: Array) -> None:
+        """Keep it.
+
+        Args:
+            mean: (P,) of all numbers.
+            covariance: (P, P).
+        """
+        self._mean, self._known = mean, np.linalg.inv(covariance)
+
+    def unlikely(self, tried: Array, numbers: Indices, rest: Array) -> Array:
+        """Return how little a group's numbers are believed, given the other ones, (M,).
+
+        It is twice the negative logarithm of their density, but for a constant.
+
+        Args:
+            tried: (M, G) the group's numbers.
+            numbers: (G,) which they are.
+            rest: (P,) all numbers; the group's own do not count.
+        """
+        others = np.setdiff1d(np.arange(len(rest)), numbers)
+        own = self._known[np.ix_(numbers, numbers)]
+        pull = self._known[np.ix_(numbers, others)] @ (rest - self._mean)[others]
+        off = tried - (self._mean[numbers] - np.linalg.solve(own, pull))
+        return np.asarray(np.einsum("ij,jk,ik->i", off, own, off))
+
+
 class JointSearch:
     """Numbers that are drawn, replayed and selected in rounds."""
 
@@ -51,10 +80,10 @@ class JointSearch:
             covariance: (P, P).
             groups: what is searched; other numbers stay what they are.
         """
+        self.prior = GroupPrior(mean, covariance)
         self.found = mean.copy()
         """(P,) the best numbers so far."""
-        self._mean, self._known = mean, np.linalg.inv(covariance)
-        self._groups, self._begun = groups, False
+        self.groups, self._begun = groups, False
         self._covariance = covariance
         self._spreads = [covariance[np.ix_(g.numbers, g.numbers)] for g in groups]
 
@@ -75,11 +104,11 @@ class JointSearch:
         """
         drawn = np.tile(self.found, (count, 1))
         if not self._begun:
-            numbers = np.concatenate([group.numbers for group in self._groups])
+            numbers = np.concatenate([group.numbers for group in self.groups])
             spread = self._covariance[np.ix_(numbers, numbers)]
             drawn[:, numbers] += _normal(spread, count, rng)
         else:
-            for group, spread in zip(self._groups, self._spreads, strict=True):
+            for group, spread in zip(self.groups, self._spreads, strict=True):
                 drawn[:, group.numbers] += _normal(spread, count, rng)
         drawn[0] = self.found
         return drawn
@@ -95,25 +124,14 @@ class JointSearch:
         worth = np.log(kept + 0.5) - np.log(np.arange(1, kept + 1))
         worth /= worth.sum()
         before, self._begun = self.found.copy(), True
-        for at, (numbers, columns) in enumerate(self._groups):
+        for at, (numbers, columns) in enumerate(self.groups):
             cost = missed[:, columns].sum(axis=1)
-            cost += self._unlikely(tried[:, numbers], numbers, before)
+            cost += self.prior.unlikely(tried[:, numbers], numbers, before)
             best = tried[np.argsort(cost, kind="stable")[:kept]][:, numbers]
             self.found[numbers] = worth @ best
             off = best - self.found[numbers]
             spread = (worth[:, None] * off).T @ off
             self._spreads[at] = _RENEWED * spread + (1.0 - _RENEWED) * self._spreads[at]
-
-    def _unlikely(self, tried: Array, numbers: Indices, rest: Array) -> Array:
-        """Return how little a group's numbers are believed, given the other ones, (M,).
-
-        It is twice the negative logarithm of their density, but for a constant.
-        """
-        others = np.setdiff1d(np.arange(len(rest)), numbers)
-        own = self._known[np.ix_(numbers, numbers)]
-        pull = self._known[np.ix_(numbers, others)] @ (rest - self._mean)[others]
-        off = tried - (self._mean[numbers] - np.linalg.solve(own, pull))
-        return np.asarray(np.einsum("ij,jk,ik->i", off, own, off))
 
 
 def _normal(covariance: Array, count: int, rng: np.random.Generator) -> Array:

@@ -11,6 +11,7 @@ from gaitchain.build.jobs import arrivals
 from gaitchain.errors import LogError
 from gaitchain.identify.certainty import ALIKE, fisher_information, posterior_covariance
 from gaitchain.identify.chord import GaussianPrior, follow, slopes
+from gaitchain.identify.joint_climb import JointClimb
 from gaitchain.identify.joint_search import Group, JointSearch, Searched
 from gaitchain.identify.log import Measured, MotionLog
 from gaitchain.identify.parameters import OF_JOINTS, OF_SERVOS, Parameters
@@ -37,18 +38,10 @@ class Round(NamedTuple):
     """Of those by which a joint differs from others that are alike."""
 
 
-# Legs that swing show what each joint does: their own numbers are searched first. Where
-# that does not explain the log, play, damping and friction are fitted as those of all
-# joints: what each has of its own is tried near the rest of the numbers.
-SEARCHES = 12
+SEARCHES = 2
 """Rounds of the search joint by joint, of hung legs."""
-NEAR = (Round(0.1, 0.4), Round(0.05, 0.2))
-"""Rounds of replays after a search that explains the log."""
-ROUNDS = (
-    *(Round(spread) for spread in (0.8, 0.5, 0.3, 0.2, 0.1, 0.05)),
-    *(Round(0.1, own) for own in (1.0, 0.6, 0.4)),
-)
-"""Rounds of replays without one."""
+CLIMBS, CROWD = 40, 32
+"""Generations of the climb from there, at most, and replays in each."""
 REPLAYS = 96
 """Number of replays in a round; more than numbers."""
 SMOOTH = 3
@@ -64,6 +57,9 @@ SURE_REPLAYS = 96
 OTHER = 2.0
 """Times its residual that a row counts as, once more, in what smooth slopes tell: they
 are those of another robot."""
+NOISE = 1.5
+"""Likeness of each joint's residuals, see `spread`, with which a climb ends: that of
+the true numbers is up to 1.4."""
 EXPLAINED = 0.5 * (BLOCK + 1)
 """Most likeness of a joint's residuals, see `spread`, that are noise, mostly."""
 _LEAST_SPREAD = 0.03
@@ -74,7 +70,6 @@ nothing."""
 _SLOPE, _LEAST_SLOPE = 0.3, 0.1  # differences, of deviations; least of these
 _STEPS = (1.0, 0.5)  # parts of a Gauss-Newton step that are tried
 _FALLEN = 1.0  # residual of a row that the replay did not reach; no joint's else [rad]
-_SEARCH_BANK = 0x1D5  # of seeds
 
 Columns = NDArray[np.int64]
 
@@ -84,6 +79,15 @@ class Belief(NamedTuple):
 
     mean: Array
     covariance: Array
+
+
+class Generation(NamedTuple):
+    """What came of a generation of a climb."""
+
+    missed: Array
+    """(M, S) squared residuals of each sensor, over their variance."""
+    alike: float
+    """Largest likeness of a joint's residuals with the numbers found before."""
 
 
 class MotionFit:
@@ -111,7 +115,7 @@ class MotionFit:
     def most_rounds(self) -> int:
         """Number of rounds of a fit, at most."""
         searched = self.support == "held"
-        return (SEARCHES + len(ROUNDS) if searched else SMOOTH) + 1
+        return (SEARCHES + CLIMBS if searched else SMOOTH) + 1
 
     def fit(
         self, belief: Belief, rng: np.random.Generator, begin: Callable[[], None]
@@ -125,22 +129,12 @@ class MotionFit:
         """
         rounds = Rounds(rng, begin)
         if self.support == "held":
-            found = self._swung(belief, rounds)
+            found = self._searched(belief, rounds)
             known = partial(self.certainty_by_pairs, found, belief, rng)
         else:
             found = self._settled(belief, rounds)
             known = partial(self.certainty_by_slopes, found, belief)
         return found, rounds.run(known, Array)
-
-    def _swung(self, belief: Belief, rounds: Rounds) -> Array:
-        """Return the numbers of hung legs: searched, then by rounds of replays."""
-        found = self._search(belief, rounds.begin)
-        explained = self.explains(found)
-        found = found if explained else belief.mean
-        for around in NEAR if explained else ROUNDS:
-            better = partial(self.improve, found, belief, around, rounds.rng)
-            found = rounds.run(better, Array)
-        return found
 
     def _settled(self, belief: Belief, rounds: Rounds) -> Array:
         """Return the numbers of a robot that stands: by smooth slopes."""
@@ -192,23 +186,44 @@ class MotionFit:
         _, alike = spread(table, self._present)
         return bool(np.all(alike[: self._joints] < EXPLAINED))
 
-    def _search(self, belief: Belief, begin: Callable[[], None]) -> Array:
-        """Return the numbers that a search joint by joint finds."""
-        rounds = Rounds(np.random.default_rng(_SEARCH_BANK), begin)
+    def _searched(self, belief: Belief, rounds: Rounds) -> Array:
+        """Return the numbers of hung legs: searched joint by joint."""
         search = JointSearch(*belief, self._groups())
         select = partial(self._selected, search, rounds.rng)
         for _ in range(SEARCHES):
             search.go_on(rounds.run(select, Searched))
-        return self._clipped(search.found)
+        return self._climbed(search, rounds)
+
+    def _climbed(self, search: JointSearch, rounds: Rounds) -> Array:
+        """Return the numbers that generations from there find."""
+        bounds = np.stack([self._parameters.least, self._parameters.most], axis=1)
+        climb = JointClimb(search, bounds, CROWD, int(rounds.rng.integers(2**31)))
+        for _ in range(CLIMBS):
+            tried = climb.ask()
+            came = rounds.run(partial(self._generation, climb.found, tried), Generation)
+            if came.alike < NOISE:
+                break
+            climb.tell(tried, came.missed)
+        return climb.found
+
+    def _generation(self, found: Array, tried: Array) -> Generation:
+        """Do one generation of a climb."""
+        best, *tables = self._missed_with([found, *tried])
+        _, alike = spread(best, self._present)
+        missed = self._weighed(np.array(tables))
+        return Generation(missed, float(np.max(alike[: self._joints])))
 
     def _selected(self, search: JointSearch, rng: np.random.Generator) -> Searched:
         """Do one round of a search."""
         tried = self._clipped(search.draw(REPLAYS, rng))
-        tables = self._missed_with(tried)
+        search.select(tried, self._weighed(self._missed_with(tried)))
+        return search.searched
+
+    def _weighed(self, tables: Array) -> Array:
+        """Return squared residuals over the variance of the least of each sensor."""
         missed = np.sum(tables**2, axis=1)
         least = tables[np.argmin(missed, axis=0), :, np.arange(missed.shape[1])].T
-        search.select(tried, missed * self._weights(least) ** 2)
-        return search.searched
+        return np.asarray(missed * self._weights(least) ** 2)
 
     def improve(
         self, start: Array, belief: Belief, around: Round, rng: np.random.Generator
