@@ -4,8 +4,8 @@ Every target is a slow sine and a fast, small one of other joints' other frequen
 that the joints can be told apart; both grow from rest and come to rest again. What the
 leg weighs loads most joints of a leg that swings; a hip yaw, whose axis is vertical, it
 loads not at all. So knees are bent, and the less a joint bears, the faster it shakes,
-and its leg's inertia is the load. The first part needs a trunk that
-is held up, the second one level ground under both soles.
+and its leg's inertia is the load. The first part needs a trunk that is held up, the
+second one level ground under both soles.
 """
 
 from dataclasses import dataclass
@@ -42,9 +42,7 @@ _SWAY_HZ = (0.17, 0.23, 0.13, 0.29, 0.37, 0.19)  # of a leg of 0.5 m
 _RIPPLE, _RIPPLE_HZ = 0.12, 6.1  # of a sway's size, times its frequency
 _LEG_M = 0.5
 _SWAYS = (1.0, 0.7, 0.5, 0.35, 0.25)  # parts of it, as the joints' ranges allow
-_MOST_CUT_RAD = np.radians(
-    6.0
-)  # that a joint's end may cut off: RES's knees lose 5 deg
+_MOST_CUT_RAD = np.radians(6.0)  # by a joint's end: RES's knees lose 5 deg
 
 
 @dataclass(frozen=True)
