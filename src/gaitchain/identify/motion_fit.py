@@ -183,8 +183,12 @@ class MotionFit:
             vector: the numbers, in believed deviations.
         """
         (table,) = self._missed_with([vector])
+        return self._likeness(table) < EXPLAINED
+
+    def _likeness(self, table: Array) -> float:
+        """Return the largest likeness of a joint's residuals; of noise it is 1."""
         _, alike = spread(table, self._present)
-        return bool(np.all(alike[: self._joints] < EXPLAINED))
+        return float(np.max(alike[: self._joints]))
 
     def _searched(self, belief: Belief, rounds: Rounds) -> Array:
         """Return the numbers of hung legs: searched joint by joint."""
@@ -208,10 +212,8 @@ class MotionFit:
 
     def _generation(self, found: Array, tried: Array) -> Generation:
         """Do one generation of a climb."""
-        best, *tables = self._missed_with([found, *tried])
-        _, alike = spread(best, self._present)
-        missed = self._weighed(np.array(tables))
-        return Generation(missed, float(np.max(alike[: self._joints])))
+        before, *tables = self._missed_with([found, *tried])
+        return Generation(self._weighed(np.array(tables)), self._likeness(before))
 
     def _selected(self, search: JointSearch, rng: np.random.Generator) -> Searched:
         """Do one round of a search."""
