@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import httpx
@@ -107,16 +108,16 @@ def test_who_cannot_read_the_folder_is_not_heard_over_loopback(over_tcp, tmp_pat
         end.close()
 
 
-@pytest.mark.slow
-def test_it_serves(tmp_path):
-    words = ["serve", "--backend", "mock", "--port", "0", "--no-log"]
+@contextmanager
+def page(folder, *words):
+    """A verb's page until SIGTERM, after which it has to end well."""
     with subprocess.Popen(
-        [sys.executable, "-m", "gaitchain", *words],
+        [sys.executable, "-m", "gaitchain", *words, "--port", "0"],
         env=environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        cwd=tmp_path,
+        cwd=folder,
     ) as process:
         try:
             said = ""
@@ -126,10 +127,24 @@ def test_it_serves(tmp_path):
                     break
             assert found, said
             with httpx.Client(base_url=found[1], timeout=PATIENCE_S) as client:
-                deadline = Deadline()
-                while client.get("api/v1/state").status_code != 200:
-                    assert not deadline.passed(), said
+                yield client
         finally:
             process.send_signal(signal.SIGTERM)
             process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 0
+
+
+def state_of(client):
+    deadline = Deadline()
+    while (seen := client.get("api/v1/state")).status_code != 200:
+        assert not deadline.passed(), seen.text
+    return seen.json()
+
+
+@pytest.mark.slow
+def test_it_serves_and_what_it_logged_is_replayed(tmp_path):
+    with page(tmp_path, "serve", "--backend", "mock") as client:
+        assert state_of(client)["mode"]
+    (log,) = tmp_path.rglob("*.mcap")
+    with page(tmp_path, "replay", str(log), "--no-browser") as client:
+        assert state_of(client)["mode"]
