@@ -15,6 +15,7 @@ from safetensors import safe_open
 from safetensors.numpy import save_file
 from servo_bench import RES
 
+from gaitchain.balance.leg_kinematics import legs_of, posture
 from gaitchain.cli import run
 from gaitchain.errors import BackendError, LogError
 from gaitchain.identify.log import ExerciseLog, MotionLog, load_log, save_log
@@ -66,16 +67,21 @@ def test_every_joint_moves():
 
 @pytest.mark.parametrize("crus_m", [0.246, 0.346])
 def test_feet_stay_on_the_ground(crus_m):
-    """In physics: it stays upright."""
+    """In physics: it stays upright, its soles level by joints and accelerometer."""
     robot = resized(RES, crus_length=crus_m, femur_length=0.592 - crus_m)
     standing = sway(robot)
     seen = replay(robot, standing, np.zeros(2))
     assert len(seen.joint_position) == len(standing.targets)
-    slow = np.apply_along_axis(
-        lambda felt: np.convolve(felt, np.full(50, 0.02), "valid"), 0, seen.acceleration
+    joints, felt = (
+        np.apply_along_axis(np.convolve, 0, rows, np.full(50, 0.02), "valid")
+        for rows in (seen.joint_position, seen.acceleration)
     )
-    lean = np.degrees(np.arccos(slow[:, 2] / np.linalg.norm(slow, axis=1)))
-    assert lean.max() < 12.0
+    legs, lean = legs_of(robot), []
+    for row, up in zip(joints[::10], felt[::10], strict=True):
+        soles = posture(legs, np.ascontiguousarray(row)).feet[..., 2]
+        lean.append(np.degrees(np.arccos(soles @ up / np.linalg.norm(up))))
+    assert np.mean(lean) < 1.5
+    assert np.max(lean) < 8.0
 
 
 def test_the_targets_of_a_sway_leave_the_feet_where_they_are():
@@ -96,6 +102,27 @@ def test_the_targets_of_a_sway_leave_the_feet_where_they_are():
             turn @ right.xmat.reshape(3, 3), np.eye(3), atol=1e-6
         )
     assert np.ptp(places, axis=0).max() < 1e-6
+
+
+def test_a_sway_keeps_the_weight_over_the_soles_however_the_trunk_turns():
+    """By MuJoCo's CoM, wherever no knee ends before what that takes."""
+    legs, targets = RES.legs, sway(RES).targets
+    inside = ((targets > legs.lower + 1e-6) & (targets < legs.upper - 1e-6)).all(axis=1)
+    model, places, pitches = build_model(RES), [], []
+    data = mujoco.MjData(model)
+    joints = [model.joint(name).qposadr[0] for name in legs.joint_names]
+    for row in targets[inside][::20]:
+        data.qpos[joints] = row
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        left, right = (data.body(f"{side}_foot") for side in ("left", "right"))
+        up = left.xmat.reshape(3, 3).T
+        places.append(up @ (data.subtree_com[0] - 0.5 * (left.xpos + right.xpos)))
+        pitches.append(np.arcsin(-up[0, 2]))
+    assert np.degrees(np.ptp(pitches)) > 20.0
+    ahead, aside = np.ptp(places, axis=0)[:2]
+    assert ahead < 0.2 * RES.reduced.sole_length
+    assert aside < 0.2 * RES.reduced.hip_width
 
 
 def test_a_trunk_that_is_held_stays_where_it_is():

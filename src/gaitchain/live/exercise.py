@@ -15,7 +15,13 @@ import numpy as np
 
 from gaitchain.balance.feedforward import LegLoad, load_torques
 from gaitchain.balance.leg_ik import leg_joints
-from gaitchain.balance.leg_kinematics import Legs, legs_of, posture
+from gaitchain.balance.leg_kinematics import (
+    Legs,
+    Posture,
+    com_from_pelvis,
+    legs_of,
+    posture,
+)
 from gaitchain.errors import BackendError
 from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.robot.robot import Robot
@@ -35,9 +41,10 @@ _SLOW_HZ = 0.12, 0.3  # first and last joint's, of both legs: they swing side by
 _FAST_HZ = 1.0, 5.0  # of the joint that bears most, and of the one that bears least
 _DIGITS = 6  # of what a joint bears: both legs' joints bear the same
 _STEEP = 0.5  # least part of an axis that turns the leg outward
-# Standing, for each coordinate of the pelvis.
-_AHEAD, _ASIDE, _LOWER = 0.1, 0.08, 0.05  # of the sole, the hips' width, the leg
-_TURN_RAD = (0.03, 0.03, 0.1)  # roll, pitch, yaw of the trunk
+# Standing: the CoM ahead and aside, the pelvis lower, the trunk turned.
+_AHEAD, _ASIDE, _LOWER = 0.07, 0.06, 0.05  # of the sole, the hips' width, the leg
+_TURN_RAD = (0.06, 0.2, 0.1)  # roll, pitch, yaw of the trunk
+_ROUNDS = 3  # of placing the pelvis so that the CoM is where it should be
 _SWAY_HZ = (0.17, 0.23, 0.13, 0.29, 0.37, 0.19)  # of a leg of 0.5 m
 _RIPPLE, _RIPPLE_HZ = 0.12, 6.1  # of a sway's size, times its frequency
 _LEG_M = 0.5
@@ -162,13 +169,12 @@ def _hanging(robot: Robot) -> Array:
     A shank that hangs straight down loads no knee, and its leg has no inertia about a
     hip yaw.
     """
-    legs, way = robot.legs, np.zeros((_DRAWING, 6))
-    way[:, 2] = np.linspace(0.0, -_DRAWN * robot.reduced.leg_length, _DRAWING)
+    legs = robot.legs
     outward = legs.axis[..., 0].copy()
     outward[1] *= -1.0
     upper = np.arange(legs.leg_joints) < legs.knee
     chosen = np.where(upper & (np.abs(outward) > _STEEP), np.sign(outward), 0.0)
-    drawn = _on_feet(legs_of(robot), robot, way)[-1] + _APART_RAD * chosen.ravel()
+    drawn = _drawn_up(robot) + _APART_RAD * chosen.ravel()
     ease = 0.1 * (legs.upper - legs.lower)
     return np.asarray(np.clip(drawn, legs.lower + ease, legs.upper - ease))
 
@@ -192,7 +198,7 @@ def _shifting(robot: Robot) -> Array:
     way *= _envelope(times)
     low, high = robot.legs.lower, robot.legs.upper
     for part in _SWAYS:
-        joints = _on_feet(legs, robot, part * way)
+        joints = _swaying(legs, robot, part * way)
         cut = np.maximum(joints - high, low - joints).max(axis=0)
         if cut.max() <= _MOST_CUT_RAD:
             return np.clip(joints, low, high)
@@ -205,23 +211,54 @@ def _shifting(robot: Robot) -> Array:
     )
 
 
-def _on_feet(legs: Legs, robot: Robot, way: Array) -> Array:
-    """Return the joints of a robot whose feet stay and whose pelvis moves so.
+def _swaying(legs: Legs, robot: Robot, way: Array) -> Array:
+    """Return the joints of a robot that sways over feet that stay, (N, 2 n) [rad].
+
+    The pelvis makes up for what a turn of the trunk moves the CoM by: so the trunk
+    turns far, which tells how high the CoM is, and the weight stays over the soles.
 
     Args:
         legs: the robot.
         robot: the same.
-        way: (N, 6) the pelvis from where it stands [m], and its turn [rad].
+        way: (N, 6) CoM from where it is when standing, ahead and to the left, pelvis
+            upward [m], and the trunk's roll, pitch, yaw [rad].
     """
     joints = np.array(robot.legs.stand)
-    stand, count = posture(legs, joints), robot.legs.leg_joints
-    found = np.empty((len(way), 2 * count))
-    for i, (*moved, roll, pitch, yaw) in enumerate(way.tolist()):
-        back = turn_matrix(np.array([roll, pitch, yaw])).T
-        for leg in range(2):
-            own = slice(count * leg, count * (leg + 1))
-            ankle = np.ascontiguousarray(back @ (stand.ankles[leg] - moved))
-            foot = np.ascontiguousarray(back @ stand.feet[leg])
-            joints[own] = leg_joints(legs, leg, ankle, foot, joints[own].copy())
+    stand = posture(legs, joints)
+    still, found = com_from_pelvis(legs, stand), np.empty((len(way), len(joints)))
+    for i, (x, y, z, *angles) in enumerate(way.tolist()):
+        turn = turn_matrix(np.array(angles))
+        for _ in range(_ROUNDS):
+            com = turn @ com_from_pelvis(legs, posture(legs, joints)) - still
+            _stand_with(
+                legs, stand, np.array([x - com[0], y - com[1], z]), turn, joints
+            )
         found[i] = joints
     return found
+
+
+def _drawn_up(robot: Robot) -> Array:
+    """Return the stand with its feet drawn up by steps, (2 n,) [rad]."""
+    legs, joints = legs_of(robot), np.array(robot.legs.stand)
+    stand, up = posture(legs, joints), _DRAWN * robot.reduced.leg_length
+    for lower in np.linspace(0.0, up, _DRAWING):
+        _stand_with(legs, stand, np.array([0.0, 0.0, -lower]), np.eye(3), joints)
+    return joints
+
+
+def _stand_with(
+    legs: Legs, stand: Posture, moved: Array, turn: Array, joints: Array
+) -> None:
+    """Turn the joints so that the feet stay where they stand.
+
+    Args:
+        legs: the robot.
+        stand: its posture when it stands.
+        moved: (3,) the pelvis from where it is then [m].
+        turn: (3, 3) the pelvis' turn.
+        joints: (2 n,) near ones [rad]; rewritten.
+    """
+    for leg, own in enumerate(np.split(joints, 2)):
+        ankle = np.ascontiguousarray(turn.T @ (stand.ankles[leg] - moved))
+        foot = np.ascontiguousarray(turn.T @ stand.feet[leg])
+        own[:] = leg_joints(legs, leg, ankle, foot, own.copy())
