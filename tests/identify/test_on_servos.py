@@ -14,6 +14,7 @@ from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.backends.servos import ServoBackend
 from gaitchain.backends.servos.bus_load import BusLoad
 from gaitchain.backends.servos.calibration import LOW_PWM, MOST_PWM, plain_calibration
+from gaitchain.balance.leg_kinematics import legs_of, posture
 from gaitchain.cli import run
 from gaitchain.errors import BackendError, ServosStoppedError
 from gaitchain.identify.log import load_log
@@ -21,6 +22,10 @@ from gaitchain.identify.on_servos import exercise_servos
 from gaitchain.live import exercise as motions
 from gaitchain.live import joint_mover
 from gaitchain.live.clock import Clock
+from gaitchain.live.joint_mover import JointMover
+from gaitchain.messages import GRAVITY
+from gaitchain.robot.turn import turn_matrix
+from gaitchain.walker.upright import tilt_deg
 
 _ATTEMPTS = 5
 _LONGEST_WATCHDOG_S = 2.5
@@ -207,6 +212,32 @@ def test_what_fails_ends_it_with_the_torque_off(spoilt, words):
     with pytest.raises(BackendError, match=words):
         exercised(backend)
     assert not backend.on
+
+
+@pytest.mark.parametrize("further_deg", [0.0, 35.0])
+def test_a_trunk_leans_as_far_as_it_is_asked_to(further_deg):
+    """By 32 deg, with level soles; what it leans further ends the motion."""
+    legs, bow = legs_of(RES), np.zeros((40, 6))
+    bow[:, 4] = np.linspace(0.0, np.radians(32.0), len(bow))
+    targets = motions._swaying(legs, RES, bow)
+    further = turn_matrix(np.array([0.0, -np.radians(further_deg), 0.0]))
+
+    def shown(times, seen):
+        up = posture(legs, mover.target).feet[0, :, 2]
+        seen.acceleration[:] = GRAVITY * (further @ up)
+        return seen
+
+    backend = Watched(shown)
+    mover = JointMover(RES, backend, Jumps(), 0.01, what="a bow", upright=True)
+    backend.connect(targets[0])
+    mover.begin()
+    for row in targets if not further_deg else targets[:1]:
+        mover.go(row)
+    if further_deg:
+        with pytest.raises(BackendError, match=r"a bow ended: .* leans by 2\d deg"):
+            mover.go(targets[-1])
+    else:
+        assert tilt_deg(mover.seen[-1].acceleration) > 30.0
 
 
 def test_servos_that_stopped_by_themselves_are_exercised_by_the_same_command():

@@ -155,9 +155,8 @@ class Bench:
 
         Targets and measurements are those of the robot's file.
         """
-        legs = self.within(backend).legs
         mover = JointMover(
-            legs,
+            self.within(backend),
             backend,
             self.clock,
             self.period_s,

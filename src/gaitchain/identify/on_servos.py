@@ -59,7 +59,7 @@ def exercise_servos(
             backend.release()
             ready(motion)
             mover = JointMover(
-                able.legs,
+                able,
                 backend,
                 clock,
                 CONTROL_PERIOD_S,

@@ -230,9 +230,8 @@ def _swaying(legs: Legs, robot: Robot, way: Array) -> Array:
         turn = turn_matrix(np.array(angles))
         for _ in range(_ROUNDS):
             com = turn @ com_from_pelvis(legs, posture(legs, joints)) - still
-            _stand_with(
-                legs, stand, np.array([x - com[0], y - com[1], z]), turn, joints
-            )
+            moved = np.array([x - com[0], y - com[1], z])
+            _stand_with(legs, stand, moved, turn, joints)
         found[i] = joints
     return found
 

@@ -5,15 +5,16 @@ from collections.abc import Callable
 import numpy as np
 
 from gaitchain.backends.base import Backend
+from gaitchain.balance.leg_kinematics import legs_of, posture
 from gaitchain.errors import BackendError, ServosStoppedError
 from gaitchain.live.clock import Clock, Pacer
 from gaitchain.live.joint_motion import SLOW, JointLimiter, SmoothMove
 from gaitchain.messages import GRAVITY, Array, JointTargets, Sensors
-from gaitchain.robot.leg_model import LegModel
+from gaitchain.robot.robot import Robot
 from gaitchain.walker.mounting import Mounting
-from gaitchain.walker.upright import tilt_deg
+from gaitchain.walker.upright import angle_deg, tilt_deg
 
-_MOST_LEAN_DEG = 25.0  # of a robot that stands
+_MOST_LEAN_DEG = 25.0  # of a robot that stands, and from what targets ask of it
 _LEAN_S = 0.2  # over which gravity is averaged, longer than a knock
 _SILENT_S = 0.25  # without an answer of a joint or IMU, after which the motion ends,
 _SILENT = 3.5  # or so many periods, if that is longer: one lost packet ends nothing
@@ -24,7 +25,7 @@ class JointMover:
 
     def __init__(
         self,
-        legs: LegModel,
+        robot: Robot,
         backend: Backend,
         clock: Clock,
         period_s: float,
@@ -36,7 +37,7 @@ class JointMover:
         """Take a robot; nothing moves yet.
 
         Args:
-            legs: names and limits of the joints.
+            robot: with the limits of its joints.
             backend: the robot, connected.
             clock: clock of the control periods.
             period_s: control period [s].
@@ -48,6 +49,7 @@ class JointMover:
         """Measurements of each control period since the last `begin`."""
         self.turnarounds_s: list[float] = []
         """From the begin of each of these reads to its target's write [s]."""
+        legs = robot.legs
         self.target = np.zeros(len(legs.joint_names))
         """(2 n,) the latest target [rad]."""
         self.mounting: Mounting | None = None
@@ -57,7 +59,8 @@ class JointMover:
         self._limiter = JointLimiter(legs, period_s)
         self._period_s, self._what, self._upright = period_s, what, upright
         self._silent_s = max(_SILENT_S, _SILENT * period_s)
-        self._up = np.array([0.0, 0.0, GRAVITY])
+        self._legs, self._up = legs_of(robot), np.array([0.0, 0.0, GRAVITY])
+        self._asked_up = self._soles_up(robot.legs.stand)  # compiled before it moves
         self._heard_s, self._felt_s = np.zeros(len(self._names)), 0.0
         self._pacer = Pacer(clock, period_s)
 
@@ -197,10 +200,16 @@ class JointMover:
 
     def _check_lean(self, acceleration: Array) -> None:
         felt = np.where(np.isfinite(acceleration), acceleration, self._up)
-        self._up += min(self._period_s / _LEAN_S, 1.0) * (felt - self._up)
-        lean_deg = tilt_deg(self._up)
+        part = min(self._period_s / _LEAN_S, 1.0)
+        self._up += part * (felt - self._up)
+        self._asked_up += part * (self._soles_up(self.target) - self._asked_up)
+        lean_deg = min(tilt_deg(self._up), angle_deg(self._up, self._asked_up))
         if lean_deg > _MOST_LEAN_DEG:
             raise BackendError(
                 f"{self._what} ended: the robot leans by {lean_deg:.0f} deg, at "
                 f"most {_MOST_LEAN_DEG:.0f}; stand it up, or mend its zeros first"
             )
+
+    def _soles_up(self, joints: Array) -> Array:
+        """Return up in a trunk whose soles lie flat: how it is asked to lean, (3,)."""
+        return np.asarray(posture(self._legs, joints).feet[..., 2].mean(axis=0))

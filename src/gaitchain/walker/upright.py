@@ -13,8 +13,13 @@ _AXES = "xyz"
 
 def tilt_deg(pulling: Array) -> float:
     """Return the angle between an acceleration (3,) and the trunk's z [deg]."""
-    size = max(float(np.linalg.norm(pulling)), 1e-9)
-    return math.degrees(math.acos(min(max(float(pulling[2]) / size, -1.0), 1.0)))
+    return angle_deg(pulling, np.array([0.0, 0.0, 1.0]))
+
+
+def angle_deg(one: Array, other: Array) -> float:
+    """Return the angle between two vectors (3,) [deg]."""
+    size = max(float(np.linalg.norm(one) * np.linalg.norm(other)), 1e-9)
+    return math.degrees(math.acos(min(max(float(one @ other) / size, -1.0), 1.0)))
 
 
 def nearest_axis(vector: Array) -> str:
