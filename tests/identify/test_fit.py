@@ -20,6 +20,7 @@ from gaitchain.identify.motion_fit import Belief, MotionFit, Round
 from gaitchain.identify.parameters import OF_ZEROS, Parameters
 from gaitchain.identify.sensor_rows import rms, weights_of
 from gaitchain.identify.simulated import exercise_hidden, replay
+from gaitchain.live import exercise as exercises
 from gaitchain.live.exercise import Motion, exercise
 from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.robot.identified import UNSURE, Identified
@@ -104,8 +105,22 @@ def test_a_replay_shows_an_imu_that_is_late_between_its_rows():
     np.testing.assert_array_equal(one.joint_position, prompt.joint_position)
 
 
+@pytest.fixture
+def gentle_sway(monkeypatch):
+    """Four seconds of a pelvis that moves a little, its soles on the same edges."""
+    monkeypatch.setattr(exercises, "_AHEAD", 0.1)
+    monkeypatch.setattr(exercises, "_ASIDE", 0.08)
+    monkeypatch.setattr(exercises, "_TURN_RAD", (0.03, 0.03, 0.1))
+    monkeypatch.setattr(exercises, "com_from_pelvis", lambda legs, found: np.zeros(3))
+    motion = Motion("standing", exercise(RES)[1].targets[200:600])
+    monkeypatch.undo()
+    return motion
+
+
 @pytest.mark.slow
-def test_a_robot_that_stands_tells_zeros_and_its_com_by_smooth_slopes(monkeypatch):
+def test_a_robot_that_stands_tells_zeros_and_its_com_by_smooth_slopes(
+    gentle_sway, monkeypatch
+):
     """Through half a degree of play, where the servos are known; and how well.
 
     In four seconds it does not tell how high the CoM is.
@@ -119,8 +134,7 @@ def test_a_robot_that_stands_tells_zeros_and_its_com_by_smooth_slopes(monkeypatc
     true[parameters.places("offset")] = np.resize([0.7, -0.9, 0.4, 0.6, -0.8], 12)
     true[parameters.places("com")] = 0.8, -0.7, 0.5
     right = parameters.read(true)[0]
-    sway = Motion("standing", exercise(RES)[1].targets[200:600])
-    motion = MotionFit(RES, log_of(sway, right).parts[0], parameters, 1)
+    motion = MotionFit(RES, log_of(gentle_sway, right).parts[0], parameters, 1)
     belief = Belief(np.where(sd < 1.0, true, 0.0), np.diag(sd**2))
     found = motion.fit(belief, np.random.default_rng(0), lambda: None)[0]
     one, began = parameters.read(found)[0], parameters.read(belief.mean)[0]
@@ -137,7 +151,24 @@ def test_a_robot_that_stands_tells_zeros_and_its_com_by_smooth_slopes(monkeypatc
 
 
 @pytest.mark.slow
-def test_a_robot_that_stands_tells_how_late_its_imu_is(monkeypatch):
+def test_a_trunk_that_pitches_far_tells_how_high_its_com_is(gentle_sway):
+    """In four seconds, of servos that are known, what a gentle sway does not."""
+    parameters = Parameters(RES.legs.joint_names)
+    sd = np.full(len(parameters.all), 0.02)
+    sd[parameters.places("offset", "tilt", "com")] = 1.0
+    belief = Belief(np.zeros(len(sd)), np.diag(sd**2))
+    right = parameters.read(belief.mean)[0]
+    whole, said = Motion("standing", exercise(RES)[1].targets[200:600]), []
+    for sway in (whole, gentle_sway):
+        motion = MotionFit(RES, log_of(sway, right).parts[0], parameters, 1)
+        covariance = motion.certainty_by_slopes(belief.mean, belief)
+        said.append(np.sqrt(np.diag(covariance))[parameters.places("com")])
+    assert (said[0] < 0.9 * said[1]).all()
+    assert said[0][2] < 0.6 * said[1][2]
+
+
+@pytest.mark.slow
+def test_a_robot_that_stands_tells_how_late_its_imu_is(gentle_sway, monkeypatch):
     """Where all else is known, floor included; one round of replays."""
     monkeypatch.setitem(motion_fit.ROUGH, "standing", 1.0)
     parameters = Parameters(RES.legs.joint_names)
@@ -146,8 +177,7 @@ def test_a_robot_that_stands_tells_how_late_its_imu_is(monkeypatch):
     start, known = np.zeros(size), np.full(size, 1e-4)
     known[own] = 1.0
     believed = parameters.read(start)[0]
-    sway = Motion("standing", exercise(RES)[1].targets[200:600])
-    log = log_of(sway, replace(believed, imu_delay_s=0.02))
+    log = log_of(gentle_sway, replace(believed, imu_delay_s=0.02))
     motion = MotionFit(RES, log.parts[0], parameters, 1)
     belief, rng = Belief(start, np.diag(known**2)), np.random.default_rng(0)
     found = motion.improve(start, belief, Round(1.0), rng)
