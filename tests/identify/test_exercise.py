@@ -84,19 +84,25 @@ def test_feet_stay_on_the_ground(crus_m):
     assert np.max(lean) < 8.0
 
 
-def test_the_targets_of_a_sway_leave_the_feet_where_they_are():
-    """By MuJoCo's kinematics, wherever no knee ends before what that takes."""
+def swaying():
+    """MuJoCo's kinematics of a sway, wherever no knee ends before what that takes."""
     legs, targets = RES.legs, sway(RES).targets
     inside = ((targets > legs.lower + 1e-6) & (targets < legs.upper - 1e-6)).all(axis=1)
     assert inside.mean() > 0.7
-    model, places = build_model(RES), []
+    model = build_model(RES)
     data = mujoco.MjData(model)
     joints = [model.joint(name).qposadr[0] for name in legs.joint_names]
     for row in targets[inside][::20]:
         data.qpos[joints] = row
         mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
         left, right = (data.body(f"{side}_foot") for side in ("left", "right"))
-        turn = left.xmat.reshape(3, 3).T
+        yield data.subtree_com[0], left, right, left.xmat.reshape(3, 3).T
+
+
+def test_the_targets_of_a_sway_leave_the_feet_where_they_are():
+    places = []
+    for _, left, right, turn in swaying():
         places.append(turn @ (right.xpos - left.xpos))
         np.testing.assert_allclose(
             turn @ right.xmat.reshape(3, 3), np.eye(3), atol=1e-6
@@ -105,21 +111,11 @@ def test_the_targets_of_a_sway_leave_the_feet_where_they_are():
 
 
 def test_a_sway_keeps_the_weight_over_the_soles_however_the_trunk_turns():
-    """By MuJoCo's CoM, wherever no knee ends before what that takes."""
-    legs, targets = RES.legs, sway(RES).targets
-    inside = ((targets > legs.lower + 1e-6) & (targets < legs.upper - 1e-6)).all(axis=1)
-    model, places, pitches = build_model(RES), [], []
-    data = mujoco.MjData(model)
-    joints = [model.joint(name).qposadr[0] for name in legs.joint_names]
-    for row in targets[inside][::20]:
-        data.qpos[joints] = row
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        left, right = (data.body(f"{side}_foot") for side in ("left", "right"))
-        up = left.xmat.reshape(3, 3).T
-        places.append(up @ (data.subtree_com[0] - 0.5 * (left.xpos + right.xpos)))
-        pitches.append(np.arcsin(-up[0, 2]))
-    assert np.degrees(np.ptp(pitches)) > 20.0
+    places, pitches = [], []
+    for com, left, right, turn in swaying():
+        places.append(turn @ (com - 0.5 * (left.xpos + right.xpos)))
+        pitches.append(np.degrees(np.arcsin(-turn[0, 2])))
+    assert np.ptp(pitches) > 20.0
     ahead, aside = np.ptp(places, axis=0)[:2]
     assert ahead < 0.2 * RES.reduced.sole_length
     assert aside < 0.2 * RES.reduced.hip_width

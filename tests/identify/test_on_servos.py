@@ -219,7 +219,7 @@ def test_a_trunk_leans_as_far_as_it_is_asked_to(further_deg):
     """By 32 deg, with level soles; what it leans further ends the motion."""
     legs, bow = legs_of(RES), np.zeros((40, 6))
     bow[:, 4] = np.linspace(0.0, np.radians(32.0), len(bow))
-    targets = motions._swaying(legs, RES, bow)
+    targets = motions._swaying(RES, bow)
     further = turn_matrix(np.array([0.0, -np.radians(further_deg), 0.0]))
 
     def shown(times, seen):

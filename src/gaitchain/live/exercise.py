@@ -181,8 +181,7 @@ def _hanging(robot: Robot) -> Array:
 
 def _shifting(robot: Robot) -> Array:
     """Return targets of a robot that sways on both feet, (N, 2 n) [rad]."""
-    times, legs = _times("standing"), legs_of(robot)
-    reduced = robot.reduced
+    times, reduced = _times("standing"), robot.reduced
     size = np.array(
         [
             _AHEAD * reduced.sole_length,
@@ -198,7 +197,7 @@ def _shifting(robot: Robot) -> Array:
     way *= _envelope(times)
     low, high = robot.legs.lower, robot.legs.upper
     for part in _SWAYS:
-        joints = _swaying(legs, robot, part * way)
+        joints = _swaying(robot, part * way)
         cut = np.maximum(joints - high, low - joints).max(axis=0)
         if cut.max() <= _MOST_CUT_RAD:
             return np.clip(joints, low, high)
@@ -211,19 +210,18 @@ def _shifting(robot: Robot) -> Array:
     )
 
 
-def _swaying(legs: Legs, robot: Robot, way: Array) -> Array:
+def _swaying(robot: Robot, way: Array) -> Array:
     """Return the joints of a robot that sways over feet that stay, (N, 2 n) [rad].
 
     The pelvis makes up for what a turn of the trunk moves the CoM by: so the trunk
     turns far, which tells how high the CoM is, and the weight stays over the soles.
 
     Args:
-        legs: the robot.
-        robot: the same.
+        robot: the robot.
         way: (N, 6) CoM from where it is when standing, ahead and to the left, pelvis
             upward [m], and the trunk's roll, pitch, yaw [rad].
     """
-    joints = np.array(robot.legs.stand)
+    legs, joints = legs_of(robot), np.array(robot.legs.stand)
     stand = posture(legs, joints)
     still, found = com_from_pelvis(legs, stand), np.empty((len(way), len(joints)))
     for i, (x, y, z, *angles) in enumerate(way.tolist()):
