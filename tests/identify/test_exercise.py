@@ -43,9 +43,9 @@ def test_it_takes_less_than_a_minute_and_stays_inside_the_limits():
 
 def test_hung_legs_stay_apart():
     """Links pass through each other in simulation, not on a robot."""
-    shown, model = preview(RES), build_model(RES, World(held=True))
+    shown, model = preview(RES), build_model(RES)
     data = mujoco.MjData(model)
-    truth = SimulatorTruth(model, data, World(held=True))
+    truth = SimulatorTruth(model, data, World())
     for row in shown.qpos[: len(MOTIONS[0].targets) : 5]:
         data.qpos[:] = row
         mujoco.mj_kinematics(model, data)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from other_robots import resized
 
+from gaitchain.backends.mujoco import MujocoBackend
 from gaitchain.gait.family import STAND
 from gaitchain.gait.keypose.presets import draw_candidates
 from gaitchain.robot.box_robot import JOINT_NAMES, load_box_robot
@@ -191,3 +192,24 @@ def test_standing_height_is_the_straight_leg(model):
         for side in ("left", "right")
     ]
     np.testing.assert_allclose(soles, 0.0, atol=1e-12)
+
+
+def test_a_trunk_that_is_held_stays_while_the_legs_swing():
+    """They move as those of a trunk so heavy that nothing moves it."""
+    stand, rows = np.array(RES.legs.stand), []
+    for held in (True, False):
+        backend = MujocoBackend(RES, World(held=held))
+        if not held:
+            backend.model.dof_armature[:6] = 1e9
+            backend.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+        backend.connect(stand)
+        before = backend.truth()
+        for tick in range(80):
+            backend.write(stand + 0.2 * np.sin(0.1 * tick))
+        rows.append(backend.joints.copy())
+        moved = np.subtract(backend.truth().qpos[:7], before.qpos[:7])
+        assert np.abs(moved).max() <= (0.0 if held else 1e-6)
+        assert not backend.fallen
+    np.testing.assert_allclose(*rows, atol=1e-6)
+    assert np.abs(rows[0] - stand).max() > 0.1
+    assert len(before.qpos) == len(before.qvel) + 1 == 19

@@ -25,11 +25,11 @@ from gaitchain.sim.push import Push
 from gaitchain.sim.robot_faults import encoder_offsets, likely_robot, world_of
 from gaitchain.sim.sensor_faults import SensorFaults
 from gaitchain.sim.servo_faults import ServoFaults
+from gaitchain.sim.trunk import count_trunk
 from gaitchain.sim.truth import SimulatorTruth
 from gaitchain.sim.world import SAME_PERIOD, World
 from gaitchain.sim.world_draws import SensorNoise
 
-_BASE = 7  # generalised coordinates of the free joint
 _LIMP = int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
 
 
@@ -109,11 +109,11 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
     def _hoist_views(self) -> None:
         """Keep views of the arrays that every control period reads or writes."""
         data = self.data
-        end = _BASE + self.model.nu  # those of a waist are behind the legs'
-        self._positions, self._rates = data.qpos[:end], data.qvel[: end - 1]
-        self.joints = data.qpos[_BASE:end]
+        count = self.model.nu  # joints of a waist are behind the legs'
+        joints, dofs = (slice(n, n + count) for n in count_trunk(self.model))
+        self.joints = data.qpos[joints]
         """(2 n,) true angles of the leg joints [rad]."""
-        self._joint_rates = self._rates[_BASE - 1 :]
+        self._joint_rates = data.qvel[dofs]
         self._targets = data.ctrl
         self._gyro = data.sensor("gyro").data
         self._accelerometer = data.sensor("accelerometer").data
@@ -146,9 +146,9 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         self.joints[:] = position
         self._aim(position)
         mujoco.mj_kinematics(self.model, self.data)
-        self._standing = float(self.data.qpos[2] - self._corners()[..., 2].min())
+        self._standing = float(self._trunk.pose[2] - self._corners()[..., 2].min())
         if not self.world.held:
-            self.data.qpos[2] = self._standing
+            self._trunk.pose[2] = self._standing
         self._outside.plan(self.world)
         self._turn_on()
         self.start_clock()
@@ -242,8 +242,8 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         """Return the ground truth of the robot now."""
         data, feet = self.data, self.feet
         return Truth(
-            qpos=numbers(self._positions),
-            qvel=numbers(self._rates),
+            qpos=numbers(self._trunk.pose, self.joints),
+            qvel=numbers(self._trunk.twist, self._joint_rates),
             place=numbers(data.xpos[feet]),
             turn=numbers(data.xmat[feet]),
             wrench=numbers(self.ground_wrenches()),

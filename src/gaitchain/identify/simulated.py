@@ -127,7 +127,7 @@ class Preview(NamedTuple):
     time_s: Array
     """(N,) [s]."""
     qpos: Array
-    """(N, nq) positions in the model of the robot in the nominal world."""
+    """(N, 7 + 2 n) positions in the model of the robot in the nominal world."""
 
 
 def preview(robot: Robot) -> Preview:
@@ -166,7 +166,7 @@ def _apart(backend: MujocoBackend, name: str) -> Array:
             "should; correct the shapes or the hips' width in the file, or narrow the "
             "limits of hip rolls and yaws in its profile"
         )
-    return np.array(backend.data.qpos)
+    return np.array(backend.truth().qpos)
 
 
 def _settled(robot: Robot, motion: Motion, lean: Array, world: World) -> MujocoBackend:
@@ -187,5 +187,5 @@ def _moved(backend: MujocoBackend, motion: Motion) -> Iterator[Sensors]:
     for target in motion.targets:
         yield backend.read()
         backend.write(target)
-        if backend.fallen and motion.support != "held":
+        if motion.support != "held" and backend.fallen:
             break

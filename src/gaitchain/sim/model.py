@@ -26,7 +26,6 @@ from gaitchain.sim.world_draws import draw_imu_place, draw_imu_tilt
 # Indices into kinematics.LINKS, which are symmetric in support and swing.
 _FOOT, _CRUS, _FEMUR, _TRUNK = 0, 1, 2, 3
 _HELD = 1.5  # height of a trunk that is held, over that of a standing one
-_STIFF_STEPS = 2.5  # time steps in which that gives way; less is not stable
 _COLOURS = {
     _FOOT: (0.9, 0.5, 0.15, 1),
     _CRUS: (0.75, 0.77, 0.8, 1),
@@ -51,16 +50,16 @@ def build_model(
             seen as it is simulated.
 
     Returns:
-        The compiled model; its free joint comes first, then the left leg's joints from
-        hip to ankle, then the right one's; those of a waist that gives way are last.
+        The compiled model; its free joint comes first, unless the trunk is held, then
+        the left leg's joints from hip to ankle, then the right one's; those of a waist
+        that gives way are last.
     """
     world = world or World()
     spec = new_scene(robot.name, world)
     height = standing_height(robot) * (_HELD if world.held else 1.0)
     trunk = spec.worldbody.add_body(name="trunk", pos=[0, 0, height])
-    trunk.add_freejoint(name="base")
-    if world.held:
-        _hold(spec, trunk)
+    if not world.held:
+        trunk.add_freejoint(name="base")
     _mount_imu(trunk, robot, world)
     if robot.boxes:
         _add_boxes(spec, trunk, robot, world)
@@ -73,14 +72,6 @@ def build_model(
         add_shapes(spec, robot, looks)
     add_link_errors(spec, world)
     return spec.compile()
-
-
-def _hold(spec: Any, trunk: Any) -> None:
-    """Hold the trunk where it is."""
-    weld = spec.add_equality(type=mujoco.mjtEq.mjEQ_WELD)
-    weld.objtype = mujoco.mjtObj.mjOBJ_BODY
-    weld.name1 = trunk.name
-    weld.solref = [_STIFF_STEPS * spec.option.timestep, 1.0]
 
 
 def _mount_imu(trunk: Any, robot: Robot, world: World) -> None:

@@ -33,6 +33,7 @@ from gaitchain.balance.compiled import compiled
 from gaitchain.messages import Array
 from gaitchain.robot.robot import Robot
 from gaitchain.sim.robot_faults import backlash_of, encoder_offsets
+from gaitchain.sim.trunk import count_trunk
 from gaitchain.sim.world import World
 from gaitchain.sim.world_draws import (
     JITTER_STREAM,
@@ -42,7 +43,6 @@ from gaitchain.sim.world_draws import (
 
 _STRIBECK = 0.3  # rad/s, v_s; 0.14 to 1.1 for four servos in [Duclusaud24]
 _SLEW = 1  # index of a servo's speed limit in MuJoCo's actuator_dynprm
-_FREE = 6  # degrees of freedom of the trunk
 _SLACK_S = 1e-9  # times are sums of time steps
 
 
@@ -128,9 +128,9 @@ class ServoFaults:
         legs = robot.legs
         count = model.nu
         self._data, self._world = data, world
-        dofs = slice(_FREE, _FREE + count)
+        joints, dofs = (slice(n, n + count) for n in count_trunk(model))
         self._aims, self._targets = data.act[:count], data.ctrl[:count]
-        self._joints = data.qpos[_FREE + 1 : _FREE + 1 + count]
+        self._joints = data.qpos[joints]
         self._rates, self._torques = data.qvel[dofs], data.qfrc_applied[dofs]
         self._loss = model.dof_frictionloss[dofs]
         gains = draw_gains(world, count)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gaitchain.gait.zmp import LEAST_LOAD, zmp_of_wrench
 from gaitchain.messages import GRAVITY, Array
 from gaitchain.sim.stability import divergences
+from gaitchain.sim.trunk import trunk_of
 from gaitchain.sim.world import World
 from gaitchain.sim.world_draws import draw_blocks, floor_heights
 
@@ -44,7 +45,8 @@ class SimulatorTruth:
         self._round = bool((model.geom_type[self._soles] == _SPHERE).all())
         self._sole_corners = sizes[..., :1] * _DOWN if self._round else _CORNERS * sizes
         self._leg_pairs = _leg_pairs(model)
-        self._quaternion, self._wrenches = data.qpos[3:7], data.cfrc_ext
+        self._trunk, self._wrenches = trunk_of(model, data), data.cfrc_ext
+        self._quaternion = self._trunk.pose[3:]
         self._divergences = divergences(data)
 
     def update_weight(self) -> None:
@@ -57,7 +59,7 @@ class SimulatorTruth:
 
         Also if the physics diverged.
         """
-        high = self.data.qpos[2] >= FALL_HEIGHT * self._standing
+        high = self._trunk.pose[2] >= FALL_HEIGHT * self._standing
         upright = self._vertical()[2] >= math.cos(FALL_TILT)  # no NaN is
         return not (high and upright) or bool(self._divergences.any())
 
