@@ -13,13 +13,15 @@ from gaitchain.build.journal import Journal
 from gaitchain.cli import identify, run
 from gaitchain.errors import LogError
 from gaitchain.gait.library_file import load_library, save_library
-from gaitchain.identify import motion_fit
+from gaitchain.identify import hung_fit, stand_fit
 from gaitchain.identify.fit import Fit, fit_logs
+from gaitchain.identify.hung_fit import HungFit
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog, load_log, save_log
-from gaitchain.identify.motion_fit import Belief, MotionFit, Round
+from gaitchain.identify.motion_fit import Belief
 from gaitchain.identify.parameters import OF_ZEROS, Parameters
 from gaitchain.identify.sensor_rows import rms, weights_of
 from gaitchain.identify.simulated import exercise_hidden, replay
+from gaitchain.identify.stand_fit import StandFit
 from gaitchain.live import exercise as exercises
 from gaitchain.live.exercise import Motion, exercise
 from gaitchain.messages import CONTROL_PERIOD_S
@@ -44,9 +46,9 @@ def swung():
 @pytest.fixture(scope="module")
 def found(swung):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(motion_fit, "CLIMBS", 20)
-        patch.setattr(motion_fit, "REPLAYS", 64)
-        patch.setattr(motion_fit, "SURE_REPLAYS", 80)
+        patch.setattr(hung_fit, "CLIMBS", 20)
+        patch.setattr(hung_fit, "REPLAYS", 64)
+        patch.setattr(hung_fit, "SURE_REPLAYS", 80)
         return fit_logs(RES, [swung], 1, quiet)
 
 
@@ -125,8 +127,8 @@ def test_a_robot_that_stands_tells_zeros_and_its_com_by_smooth_slopes(
 
     In four seconds it does not tell how high the CoM is.
     """
-    monkeypatch.setattr(motion_fit, "SMOOTH", 1)
-    monkeypatch.setitem(motion_fit.ROUGH, "standing", 1.0)
+    monkeypatch.setattr(stand_fit, "SMOOTH", 1)
+    monkeypatch.setattr(StandFit, "rough", 1.0)
     parameters = Parameters(RES.legs.joint_names)
     sd = np.full(len(parameters.all), 0.02)
     sd[parameters.places("offset", "tilt", "com")] = 1.0
@@ -134,7 +136,7 @@ def test_a_robot_that_stands_tells_zeros_and_its_com_by_smooth_slopes(
     true[parameters.places("offset")] = np.resize([0.7, -0.9, 0.4, 0.6, -0.8], 12)
     true[parameters.places("com")] = 0.8, -0.7, 0.5
     right = parameters.read(true)[0]
-    motion = MotionFit(RES, log_of(gentle_sway, right).parts[0], parameters, 1)
+    motion = StandFit(RES, log_of(gentle_sway, right).parts[0], parameters, 1)
     belief = Belief(np.where(sd < 1.0, true, 0.0), np.diag(sd**2))
     found = motion.fit(belief, np.random.default_rng(0), lambda: None)[0]
     one, began = parameters.read(found)[0], parameters.read(belief.mean)[0]
@@ -144,7 +146,7 @@ def test_a_robot_that_stands_tells_zeros_and_its_com_by_smooth_slopes(
     before, after = (np.sqrt(np.mean(m[:, :12] ** 2)) for m in missed)
     assert after < 0.3 * before
     monkeypatch.undo()
-    said = np.sqrt(np.diag(motion.certainty_by_slopes(found, belief)))
+    said = np.sqrt(np.diag(motion.certainty(found, belief)))
     zeros = parameters.places("offset")
     assert 0.2 < np.sqrt(np.mean(((found - true) / said)[zeros] ** 2)) < 1.0
     assert said[zeros].max() < 0.9
@@ -160,8 +162,8 @@ def test_a_trunk_that_pitches_far_tells_how_high_its_com_is(gentle_sway):
     right = parameters.read(belief.mean)[0]
     whole, said = Motion("standing", exercise(RES)[1].targets[200:600]), []
     for sway in (whole, gentle_sway):
-        motion = MotionFit(RES, log_of(sway, right).parts[0], parameters, 1)
-        covariance = motion.certainty_by_slopes(belief.mean, belief)
+        motion = StandFit(RES, log_of(sway, right).parts[0], parameters, 1)
+        covariance = motion.certainty(belief.mean, belief)
         said.append(np.sqrt(np.diag(covariance))[parameters.places("com")])
     assert (said[0] < 0.9 * said[1]).all()
     assert said[0][2] < 0.6 * said[1][2]
@@ -170,7 +172,7 @@ def test_a_trunk_that_pitches_far_tells_how_high_its_com_is(gentle_sway):
 @pytest.mark.slow
 def test_a_robot_that_stands_tells_how_late_its_imu_is(gentle_sway, monkeypatch):
     """Where all else is known, floor included; one round of replays."""
-    monkeypatch.setitem(motion_fit.ROUGH, "standing", 1.0)
+    monkeypatch.setattr(StandFit, "rough", 1.0)
     parameters = Parameters(RES.legs.joint_names)
     size = len(parameters.all)
     (own,) = [i for i, p in enumerate(parameters.all) if p.name == "imu_delay_s"]
@@ -178,10 +180,10 @@ def test_a_robot_that_stands_tells_how_late_its_imu_is(gentle_sway, monkeypatch)
     known[own] = 1.0
     believed = parameters.read(start)[0]
     log = log_of(gentle_sway, replace(believed, imu_delay_s=0.02))
-    motion = MotionFit(RES, log.parts[0], parameters, 1)
+    motion = StandFit(RES, log.parts[0], parameters, 1)
     belief, rng = Belief(start, np.diag(known**2)), np.random.default_rng(0)
-    found = motion.improve(start, belief, Round(1.0), rng)
-    covariance = motion.certainty_by_slopes(found, belief)
+    found = motion.improve(start, belief, rng)
+    covariance = motion.certainty(found, belief)
     assert parameters.read(found)[0].imu_delay_s == pytest.approx(0.02, abs=0.003)
     assert np.sqrt(covariance[own, own]) < 0.3
 
@@ -194,10 +196,10 @@ def test_where_every_replay_falls_that_is_said():
     size = len(parameters.all)
     sway = Motion("standing", exercise(RES)[1].targets[200:400])
     log = log_of(sway, parameters.read(np.zeros(size))[0])
-    motion = MotionFit(other, log.parts[0], parameters, 1)
+    motion = StandFit(other, log.parts[0], parameters, 1)
     belief = Belief(np.zeros(size), 1e-4 * np.eye(size))
     with pytest.raises(LogError, match="every replay of the log falls"):
-        motion.certainty_by_slopes(belief.mean, belief)
+        motion.certainty(belief.mean, belief)
 
 
 def test_the_damping_of_servos_that_have_none_stays_unknown(monkeypatch):
@@ -208,9 +210,9 @@ def test_the_damping_of_servos_that_have_none_stays_unknown(monkeypatch):
     softer = replace(Identified.of_file(count), gain=np.full(count, 0.8))
     part = MotionLog(seen, replay(robot.as_identified(softer), seen, LEAN, World()))
     log = ExerciseLog(robot.name, robot.fingerprint, names, CONTROL_PERIOD_S, (part,))
-    monkeypatch.setattr(motion_fit, "CLIMBS", 3)
-    monkeypatch.setattr(motion_fit, "REPLAYS", 40)
-    monkeypatch.setattr(motion_fit, "SURE_REPLAYS", 76)
+    monkeypatch.setattr(hung_fit, "CLIMBS", 3)
+    monkeypatch.setattr(hung_fit, "REPLAYS", 40)
+    monkeypatch.setattr(hung_fit, "SURE_REPLAYS", 76)
     found = fit_logs(robot, [log], 1, quiet)
     np.testing.assert_array_equal(found.identified.damping, np.ones(count))
     damping = [n for n in found.numbers if n.parameter.name == "damping"]
@@ -225,7 +227,7 @@ def test_numbers_explain_a_log_that_leave_noise_alone(swung):
     found, lean = parameters.read(right)
     motion = swung.parts[0].motion
     seen = replay(RES.as_identified(found), motion, lean, World(noise=1.0))
-    fitted = MotionFit(RES, MotionLog(motion, seen), parameters, 1)
+    fitted = HungFit(RES, MotionLog(motion, seen), parameters, 1)
     assert fitted.explains(right)
     wrong = right.copy()
     wrong[parameters.places("backlash_deg")[2]] += 2.0
@@ -290,7 +292,7 @@ def motion_with(swung, **sensors):
     """Return the fit's motion of a log with other columns."""
     seen = replace(swung.parts[0].measured, **sensors)
     part = replace(swung.parts[0], measured=seen)
-    return MotionFit(RES, part, Parameters(RES.legs.joint_names), 1)
+    return HungFit(RES, part, Parameters(RES.legs.joint_names), 1)
 
 
 def test_a_missing_imu_says_nothing(swung):
@@ -348,10 +350,10 @@ def test_a_library_is_fitted_by_the_command_line(tmp_path, monkeypatch, capsys):
 
     Interrupted there it has shown the fit, and goes on with the same one.
     """
-    monkeypatch.setattr(motion_fit, "SEARCHES", 1)
-    monkeypatch.setattr(motion_fit, "CLIMBS", 0)
-    monkeypatch.setattr(motion_fit, "REPLAYS", 60)
-    monkeypatch.setattr(motion_fit, "SURE_REPLAYS", 76)
+    monkeypatch.setattr(hung_fit, "SEARCHES", 1)
+    monkeypatch.setattr(hung_fit, "CLIMBS", 0)
+    monkeypatch.setattr(hung_fit, "REPLAYS", 60)
+    monkeypatch.setattr(hung_fit, "SURE_REPLAYS", 76)
     fits, adapt = [], identify.adapt
     monkeypatch.setattr(
         identify, "adapt", lambda *given: fits.append(given[1]) or adapt(*given)
@@ -379,9 +381,9 @@ def test_a_library_is_fitted_by_the_command_line(tmp_path, monkeypatch, capsys):
     assert "replay misses the joints by" in said
     assert "mine.gait.identify.jsonl: what is finished; the same command" in said
     assert not out.exists()
-    for work in ("_selected", "improve", "certainty_by_pairs"):
+    for work in ("_selected", "certainty"):
         again = lambda *given: pytest.fail("fitted again")  # noqa: E731
-        monkeypatch.setattr(MotionFit, work, again)
+        monkeypatch.setattr(HungFit, work, again)
     with few_steady_walks():
         assert run(words) in (0, 1)
     assert "going on after" in capsys.readouterr().out

@@ -8,11 +8,11 @@ from servo_bench import RES
 
 from gaitchain.cli import run
 from gaitchain.errors import LogError
-from gaitchain.identify import fit, motion_fit
+from gaitchain.identify import fit, hung_fit
 from gaitchain.identify.fit import fit_logs
 from gaitchain.identify.gyro_check import turns
+from gaitchain.identify.hung_fit import HungFit
 from gaitchain.identify.log import ExerciseLog, MotionLog, save_log
-from gaitchain.identify.motion_fit import MotionFit
 from gaitchain.identify.parameters import OF_IMU, OF_STAND, Parameters
 from gaitchain.identify.refusals import (
     check_content,
@@ -21,6 +21,7 @@ from gaitchain.identify.refusals import (
     encoder_noise,
 )
 from gaitchain.identify.simulated import exercise_hidden, replay
+from gaitchain.identify.stand_fit import StandFit
 from gaitchain.live.exercise import Motion, exercise
 from gaitchain.messages import CONTROL_PERIOD_S
 from gaitchain.robot.identified import Identified
@@ -239,10 +240,8 @@ def test_gaps_in_each_second_row_switch_no_refusal_off(good):
 def test_a_fit_that_explains_nothing_is_refused(good, monkeypatch):
     """Of a log that no robot makes, or where nothing is fitted: no numbers are told."""
     for rounds in "SEARCHES", "CLIMBS":
-        monkeypatch.setattr(motion_fit, rounds, 0)
-    monkeypatch.setattr(
-        MotionFit, "certainty_by_pairs", lambda own, found, b, rng: b.covariance
-    )
+        monkeypatch.setattr(hung_fit, rounds, 0)
+    monkeypatch.setattr(HungFit, "certainty", lambda own, found, b, rng: b.covariance)
     with pytest.raises(LogError, match="the log tells no number of any joint"):
         fit_logs(RES, [log_with(good)], 1, quiet)
     bent = good.measured.joint_position + np.radians(20.0) * (np.arange(12) == 3)
@@ -275,7 +274,8 @@ def test_what_nothing_shows_stays_as_in_the_file(imu, stands, good, monkeypatch)
     drawn, known = np.zeros(len(parameters.all)), 1e-4 * np.eye(len(parameters.all))
     for name in (*OF_IMU, *OF_STAND):
         drawn[parameters.places(name)] = 0.5
-    monkeypatch.setattr(MotionFit, "fit", lambda *given: (drawn, known))
+    for kind in HungFit, StandFit:
+        monkeypatch.setattr(kind, "fit", lambda *given: (drawn, known))
     monkeypatch.setattr(fit, "check_explained", lambda *given, told: None)
     part = standing() if stands else good
     none = np.full((500, 3), np.nan)

@@ -9,7 +9,8 @@ from servo_bench import RES
 
 from gaitchain.build.jobs import keeping
 from gaitchain.build.journal import Journal
-from gaitchain.identify import motion_fit
+from gaitchain.identify import hung_fit, stand_fit
+from gaitchain.identify.fit import motion_fit
 from gaitchain.identify.motion_fit import Belief, MotionFit
 from gaitchain.identify.parameters import Parameters
 from gaitchain.identify.rounds import Rounds
@@ -47,17 +48,16 @@ def test_rounds_that_are_kept_leave_the_same_draws_to_the_next(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("support", ["held", "standing"])
 def test_an_interrupted_fit_ends_as_one_that_was_not(tmp_path, monkeypatch, support):
-    monkeypatch.setattr(motion_fit, "SEARCHES", 2)
-    monkeypatch.setattr(motion_fit, "CLIMBS", 2)
-    monkeypatch.setattr(motion_fit, "CROWD", 12)
-    monkeypatch.setattr(motion_fit, "REPLAYS", 40)
-    monkeypatch.setattr(motion_fit, "SMOOTH", 1)
-    monkeypatch.setattr(motion_fit, "SURE_REPLAYS", 76)
+    few = {"SEARCHES": 2, "REPLAYS": 40, "SURE_REPLAYS": 76, "SMOOTH": 1}
+    few |= {"CLIMBS": 2, "CROWD": 12}
+    for module in hung_fit, stand_fit:
+        for name in few.keys() & vars(module).keys():
+            monkeypatch.setattr(module, name, few[name])
     (targets,) = (m.targets[200:600] for m in exercise(RES) if m.support == support)
     softer = replace(Identified.of_file(12), gain=np.full(12, 0.8))
     (part,) = log_of(Motion(support, targets), softer).parts
     parameters = Parameters(RES.legs.joint_names)
-    motion = MotionFit(RES, part, parameters, 1)
+    motion = motion_fit(RES, part, parameters, 1)
     size = len(parameters.all)
     belief = Belief(np.zeros(size), 0.01 * parameters.correlation())
     made, replays = [], MotionFit._replays

@@ -8,10 +8,11 @@ deviations p from what was believed are
 with what is believed, mean m and covariance B, and s_i the size of a sensor's residual;
 residuals that are alike from row to row count as fewer rows. Play and friction make
 f(p) rough, so that slopes at a point lead astray. Of hung legs p is searched without
-any (`joint_search`, `joint_climb`). Of a stand J is that of the robot without play and
-dry friction (`chord`); where it would fall, J is first, as in ensemble smoothers
-[Chada21], the regression of replays with many deviations at once. The covariance of p
-is then, by Laplace's approximation,
+any (`hung_fit`). Of a stand J is that of the robot without play and dry friction
+(`chord`); where it would fall, J is first, as in ensemble smoothers [Chada21], the
+regression of replays with many deviations at once; where more than noise is left, p is
+climbed from there (`stand_fit`). The covariance of p is then, by Laplace's
+approximation,
 
     C = (J^T J + B^-1)^-1,   J = d f / d p / s                                     (2)
 
@@ -30,6 +31,7 @@ import numpy as np
 
 from gaitchain.build.progress import Progress
 from gaitchain.errors import LogError
+from gaitchain.identify.hung_fit import HungFit
 from gaitchain.identify.log import ExerciseLog, MotionLog
 from gaitchain.identify.motion_fit import Belief, MotionFit
 from gaitchain.identify.parameters import (
@@ -48,6 +50,7 @@ from gaitchain.identify.refusals import (
     encoder_noise,
 )
 from gaitchain.identify.sensor_rows import rms, sensor_kinds
+from gaitchain.identify.stand_fit import StandFit
 from gaitchain.messages import CONTROL_PERIOD_S, Array
 from gaitchain.robot.identified import UNSURE, Identified
 from gaitchain.robot.leg_model import LegModel
@@ -113,7 +116,7 @@ def fit_logs(
     parts = checked_parts(robot, logs)
     robot = robot.nominal
     parameters = Parameters(robot.legs.joint_names)
-    motions = [MotionFit(robot, part, parameters, workers) for part in parts]
+    motions = [motion_fit(robot, part, parameters, workers) for part in parts]
     belief, leans = _fit_motions(motions, parameters, progress)
     unseen = [*_unfelt(parameters, parts), *_idle(parameters, robot.legs)]
     belief = Belief(*parameters.anew(unseen, *belief))
@@ -121,6 +124,14 @@ def fit_logs(
     fit = _accepted(_fit_of(parameters, belief, missed), parts)
     identified = replace(fit.identified, turnaround_s=_turnaround_s(logs))
     return replace(fit, identified=identified)
+
+
+def motion_fit(
+    robot: Robot, part: MotionLog, parameters: Parameters, workers: int
+) -> MotionFit:
+    """Return the fit of one motion of a log, see `MotionFit`."""
+    kind = HungFit if part.motion.support == "held" else StandFit
+    return kind(robot, part, parameters, workers)
 
 
 def _turnaround_s(logs: Sequence[ExerciseLog]) -> float | None:
