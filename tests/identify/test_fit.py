@@ -153,6 +153,33 @@ def test_a_robot_that_stands_tells_zeros_and_its_com_by_smooth_slopes(
 
 
 @pytest.mark.slow
+def test_a_climb_goes_on_where_slopes_end(gentle_sway, monkeypatch):
+    """To zeros within what they leave, of servos that have half a degree of play."""
+    monkeypatch.setattr(stand_fit, "CLIMBS", 6)
+    monkeypatch.setattr(stand_fit, "SMOOTH", 0)
+    parameters = Parameters(RES.legs.joint_names)
+    sd, rng = np.full(len(parameters.all), 0.02), np.random.default_rng(0)
+    of_stand = parameters.places("offset", "tilt", "com", "trunk_mass")
+    sd[of_stand] = 1.0
+    true = parameters.without(np.zeros(len(sd)), "dry_friction", "stiction")
+    log = log_of(gentle_sway, parameters.read(true)[0])
+    motion = StandFit(RES, log.parts[0], parameters, 1)
+    around = Belief(true, np.diag(sd**2))
+    left = motion.certainty(true, around)
+    far = true.copy()
+    far[of_stand] = rng.multivariate_normal(true, left)[of_stand]
+    monkeypatch.setattr(motion, "certainty", lambda found, belief: left)
+    found = motion.fit(Belief(far, around.covariance), rng, lambda: None)[0]
+    zeros = parameters.places("offset")
+    began, ends = (np.linalg.norm((at - true)[zeros]) for at in (far, found))
+    assert ends < 0.6 * began
+    robots = [RES.as_identified(parameters.read(at)[0]) for at in (far, found)]
+    began, ends = (np.std(motion.missed(robot, LEAN)[:, :12]) for robot in robots)
+    assert ends < 0.6 * began
+    np.testing.assert_array_equal(np.delete(found - far, of_stand), 0.0)
+
+
+@pytest.mark.slow
 def test_a_trunk_that_pitches_far_tells_how_high_its_com_is(gentle_sway):
     """In four seconds, of servos that are known, what a gentle sway does not."""
     parameters = Parameters(RES.legs.joint_names)
