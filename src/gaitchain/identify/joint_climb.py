@@ -3,8 +3,8 @@
 What a joint's rows tell of its numbers is long and narrow: a servo that is softer and
 has less friction moves nearly alike. A search that narrows its spread in each round
 ends on the way. So each group of numbers has a CMA-ES of its own [Hansen01], which
-keeps going where steps of before led, and all of them are replayed together. Of a stand,
-whose rows tell of all numbers at once, one group does.
+keeps going where steps of before led, and all of them are replayed together. Of a
+stand, whose rows tell of all numbers at once, one group does.
 """
 
 from typing import Any
