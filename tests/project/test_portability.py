@@ -5,7 +5,7 @@ import re
 import signal
 import subprocess
 import sys
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import httpx
@@ -119,8 +119,8 @@ def page(folder, *words):
         text=True,
         cwd=folder,
     ) as process:
+        said = ""
         try:
-            said = ""
             for line in process.stdout:
                 said += line
                 if found := re.search(r"(http://\S+) \(Ctrl-C", line):
@@ -130,14 +130,18 @@ def page(folder, *words):
                 yield client
         finally:
             process.send_signal(signal.SIGTERM)
-            process.communicate(timeout=PATIENCE_S)
+            said += process.communicate(timeout=PATIENCE_S)[0]
         assert process.returncode == 0
+        assert "started again" not in said, said  # of a part that ended on the way
 
 
 def state_of(client):
-    deadline = Deadline()
-    while (seen := client.get("api/v1/state")).status_code != 200:
-        assert not deadline.passed(), seen.text
+    """The first state that it tells; a connection that was lost is tried anew."""
+    deadline, seen = Deadline(), None
+    while seen is None or seen.status_code != 200:
+        assert not deadline.passed(), seen and seen.text
+        with suppress(httpx.TransportError):
+            seen = client.get("api/v1/state")
     return seen.json()
 
 
