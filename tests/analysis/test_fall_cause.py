@@ -1,7 +1,7 @@
 """Falls made on purpose in physics, one for each cause, and records made by hand."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,6 +18,8 @@ from gaitchain.analysis.rules import ADVICE, RECOVERY_S, Rule
 from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.analysis.walk_metrics import fall_cause
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.cli.libraries import shipped_library
+from gaitchain.gait.library_file import load_library
 from gaitchain.gait.motion import Timing
 from gaitchain.gait.schedule import Segment
 from gaitchain.gait.stride.family import STRIDES
@@ -416,6 +418,68 @@ def test_a_push_is_named_though_the_robot_took_long_to_fall():
 def test_what_broke_first_after_a_push_is_the_cause():
     walk = with_torque((100, 120), (240, 260), (330, 400), events=((2.25, PUSH),))
     assert explain(RES, walk).cause.time_s == pytest.approx(2.4)
+
+
+WEAK = "a push of 8 N s"
+
+
+@pytest.mark.parametrize(
+    ("recovers_s", "cause_s"), [(2.3, 3.1), (2.69, 3.1), (2.8, 2.1), (2.99, 2.1)]
+)
+def test_a_push_that_it_recovered_from_is_not_the_cause(recovers_s, cause_s):
+    """Or if rules were still broken when the next one came, it is."""
+    spells = (210, round(100.0 * recovers_s)), (310, 400)
+    why = explain(RES, with_torque(*spells, events=((2.0, WEAK), (3.0, PUSH))))
+    assert why.cause.time_s == pytest.approx(cause_s)
+    assert f" after 2 disturbances, the last one {PUSH}: torque" in why.sentence
+
+
+@pytest.mark.parametrize("weaker_ns", [5.0, 8.0, 11.0])
+@pytest.mark.parametrize("vx", [0.0, 0.2])
+def test_of_two_pushes_in_physics_the_one_that_felled_it_is_named(weaker_ns, vx):
+    """The shipped library withstands the first."""
+    shipped = load_library(shipped_library())
+    weaker, stronger = Push(weaker_ns, 90.0, 2.0), Push(40.0, 90.0, 3.5)
+
+    def walked(*pushes):
+        world, walker = World(push=pushes), Walker(shipped)
+        backend = MujocoBackend(shipped.robot, world)
+        return run_schedule(walker, backend, (Segment(Command(vx), 6.0),))
+
+    assert walked(weaker).fell_at_s is None
+    why = explain(shipped.robot, walked(weaker, stronger))
+    assert 3.5 <= why.cause.time_s <= why.fell_at_s
+    assert "the last one a push of 40 N s to 90 deg" in why.sentence
+
+
+def without_rows(walk, begin, end):
+    """A record of which some rows were lost."""
+    rows = len(walk.time_s)
+    columns = {f.name: getattr(walk, f.name) for f in fields(walk)}
+    kept = {
+        name: np.delete(column, slice(begin, end), axis=0)
+        for name, column in columns.items()
+        if isinstance(column, np.ndarray) and len(column) == rows
+    }
+    return replace(walk, **kept)
+
+
+@pytest.mark.parametrize("lost", [6, 50, 360])
+def test_nothing_breaks_where_rows_are_lost(lost):
+    """A foot that stood before them and stands after them may have stepped."""
+    shipped = load_library(shipped_library())
+    backend = MujocoBackend(shipped.robot)
+    walk = run_schedule(Walker(shipped), backend, (Segment(Command(0.2), 8.0),))
+    assert explain(shipped.robot, walk).findings == ()
+    for begin in range(200, 560, 40):
+        seen = without_rows(walk, begin, begin + lost)
+        assert explain(shipped.robot, seen).findings == ()
+
+
+def test_a_break_on_both_sides_of_lost_rows_is_two():
+    walk = without_rows(with_torque((100, 200)), 140, 160)
+    times = [(f.time_s, f.until_s) for f in explain(RES, walk).findings]
+    np.testing.assert_allclose(times, [(1.0, 1.39), (1.6, 1.99)])
 
 
 def test_a_push_of_long_ago_has_nothing_to_do_with_it():

@@ -6,7 +6,8 @@ them. Breaks before it, and those that ended more than `RUN_UP_S` before the fal
 not cause the fall. A slip in the run-up brings those of the steps before it with it,
 until a step had none: a foot that slips is lifted before it has recovered.
 What disturbed the robot less than `DISTURBED_S` before the fall is named, and the
-run-up begins with it.
+run-up begins with it: with the last of several disturbances, or with one before it from
+which the robot had not recovered by then.
 """
 
 import math
@@ -141,9 +142,13 @@ def explain(
 def _disturbances(
     events: tuple[tuple[float, str], ...], fell_at_s: float, until_s: float
 ) -> list[tuple[float, str]]:
-    """Return what disturbed the robot soon enough before its fall to have caused it."""
+    """Return what disturbed the robot soon enough before its fall to have caused it.
+
+    Nothing of a robot that was falling by itself before the first disturbance.
+    """
     since_s = fell_at_s - DISTURBED_S
-    return [event for event in events if since_s <= event[0] <= until_s + 1e-6]
+    near = [event for event in events if since_s <= event[0] <= fell_at_s]
+    return near if near and near[0][0] <= until_s + 1e-6 else []
 
 
 def _stood(record: WalkRecord, fell_at_s: float) -> bool:
@@ -183,12 +188,27 @@ def _cause(
     begin_s = min((f.time_s for f in run_up), default=fell_at_s)
     # A rule that broke before a push did not cause the fall until then.
     since_s = min(begin_s - RECOVERY_S, fell_at_s - DISTURBED_S)
-    pushed_s = next((t for t, _ in events if t >= since_s), math.inf)
+    pushed_s = _felled_from([t for t, _ in events if t >= since_s], findings)
     later = [f for f in findings if f.time_s >= pushed_s - 1e-6]
     if pushed_s == math.inf:
         run_up += _slips_before(findings, run_up, step_s)
     first = later or [f for f in findings if f in run_up]
     return first[0] if first else None
+
+
+def _felled_from(pushes_s: list[float], findings: tuple[Finding, ...]) -> float:
+    """Return when the push came from which the robot did not recover; inf for none.
+
+    It had recovered if no rule was broken any more when the next push came.
+    """
+    felled_s = pushes_s[-1] if pushes_s else math.inf
+    for push_s in reversed(pushes_s[:-1]):
+        since = [f for f in findings if push_s - 1e-6 <= f.time_s < felled_s]
+        ended_s = max((f.until_s for f in since), default=push_s)
+        if ended_s < felled_s - RECOVERY_S:
+            break
+        felled_s = push_s
+    return felled_s
 
 
 def _run_up(findings: tuple[Finding, ...], fell_at_s: float) -> list[Finding]:

@@ -196,7 +196,9 @@ def _joint_rules(walk: JudgedWalk) -> tuple[_JointRule, ...]:
 def _touch_downs(walk: JudgedWalk) -> Iterator[Finding]:
     before = ""
     for name, begin, end in support_stays(walk.record.support):
-        if name in {"ls", "rs"}:
+        if any(begin <= row <= end for row in walk.gaps):
+            pass  # when it began, or ended, is lost
+        elif name in {"ls", "rs"}:
             yield from _early(walk, begin, end, 1 if name == "ls" else 0)
         elif before in {"ls", "rs"}:
             yield from _late(walk, begin, end, 1 if before == "ls" else 0)
@@ -260,11 +262,14 @@ def _slip(walk: JudgedWalk) -> Iterator[Finding]:
 def _slid(walk: JudgedWalk, carries: Mask, foot: int) -> Array:
     """Return the distance that a loaded foot has moved in the last 1 s, (N,) [m].
 
-    The distance is measured from the touch-down if that is more recent.
+    The distance is measured from the touch-down if that is more recent, or from the
+    first row after a gap, in which the foot may have stepped.
     """
     centre = walk.record.soles[:, foot].mean(axis=1)
     rows = np.arange(len(centre))
-    since = np.maximum.accumulate(np.where(carries, 0, rows + 1))
+    begins = np.where(carries, 0, rows + 1)
+    begins[walk.gaps] = np.maximum(begins[walk.gaps], walk.gaps)
+    since = np.maximum.accumulate(begins)
     since = np.maximum(since, rows - round(1.0 / walk.period_s))
     start = centre[np.minimum(since, rows)]
     return np.where(carries, np.linalg.norm(centre - start, axis=1), 0.0)

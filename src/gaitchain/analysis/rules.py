@@ -23,6 +23,7 @@ from gaitchain.robot.robot import Robot
 
 SIDES = ("left", "right")
 RECOVERY_S = 0.3
+_GAP_S = 0.05  # no foot is lifted and put down again in so short a time
 _JUDGED_S = 0.2
 Mask = NDArray[np.bool_]
 _DIGITS = {"m/s": 2, "mm": 1, "deg": 1, "N m": 1, "deg/s": 0, "ms": 0}
@@ -255,15 +256,21 @@ class JudgedWalk:
         rows = np.searchsorted(self.record.time_s, times - 1e-6)
         return sorted({int(row) for row in rows})
 
+    @cached_property
+    def gaps(self) -> list[int]:
+        """First rows after a time of which none is left; no break spans one."""
+        far_s = max(_GAP_S, 1.5 * self.period_s)
+        later = np.flatnonzero(np.diff(self.record.time_s) > far_s) + 1
+        return [int(row) for row in later]
+
     def spells(self, broken: Mask, hold_s: float) -> Iterator[tuple[int, int]]:
         """Yield (first row, row after the last) of breaks longer than the hold time."""
         edges = np.diff(np.concatenate([[False], broken, [False]]).astype(np.int8))
         begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-        for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
-            if (end - begin) * self.period_s <= hold_s + 1e-9:
-                continue
-            cuts = (row for row in self.pushed if begin < row < end)
-            yield from pairwise([begin, *cuts, end])
+        for span in zip(begins.tolist(), ends.tolist(), strict=True):
+            for begin, end in _cut(span, self.gaps):
+                if (end - begin) * self.period_s > hold_s + 1e-9:
+                    yield from _cut((begin, end), self.pushed)
 
     def findings(
         self,
@@ -288,8 +295,8 @@ class JudgedWalk:
         merged: list[list[int]] = []
         for begin, end in self.spells(broken, hold_s):
             last = merged[-1][1] if merged else -math.inf
-            pushed = any(last <= row <= begin for row in self.pushed)
-            if (begin - last) * self.period_s < RECOVERY_S and not pushed:
+            cut = any(last <= row <= begin for row in (*self.pushed, *self.gaps))
+            if (begin - last) * self.period_s < RECOVERY_S and not cut:
                 merged[-1][1] = end
             else:
                 merged.append([begin, end])
@@ -302,3 +309,9 @@ class JudgedWalk:
             asked = told is not None and bool(told[rows][values[rows] == amount].any())
             near = rule, *span, amount, unit, limit, ADVICE[rule]
             yield Finding(*near, joint, foot, asked)
+
+
+def _cut(span: tuple[int, int], rows: list[int]) -> Iterator[tuple[int, int]]:
+    """Yield the parts of a span of rows that begin at some of them."""
+    begin, end = span
+    yield from pairwise([begin, *(row for row in rows if begin < row < end), end])
