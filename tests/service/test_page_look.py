@@ -1,17 +1,18 @@
 """What the page looks like in a real Chromium: room, contrast, roles, no old news."""
 
 import re
+from itertools import pairwise
 
 import pytest
 from msgspec.structs import replace
 from page_server import CHOICE, PageServer
-from planned_library import planned_res
+from planned_library import planned_library, planned_res
 from telemetry_factory import PACE
 
 from gaitchain.live.messages import Mode
+from gaitchain.robot.box_robot import load_box_robot
 
 pytestmark = pytest.mark.browser
-LIBRARY = planned_res()
 DESK = {"viewport": {"width": 1440, "height": 900}}
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True}
 GRAPHICS, TEXT = 3.0, 4.5  # least contrasts of WCAG 2.2 AA
@@ -56,9 +57,14 @@ CONTRAST = """([selector, property]) => {
 }"""
 
 
+def many_poses():
+    """Less than a line of text apart in the drawing of the chain."""
+    return planned_library(load_box_robot("res"), count=40)
+
+
 @pytest.fixture
-def server():
-    return PageServer(LIBRARY)
+def server(request):
+    return PageServer(getattr(request, "param", planned_res)())
 
 
 def test_driving_view_status_and_why_fit_on_one_screen(visit, server, see):
@@ -166,12 +172,53 @@ def test_what_was_heard_last_is_not_shown_as_news(visit, server, see):
         "No news of the robot. It was: Standing."
     )
     see(page.locator("#view-stale")).to_contain_text("no news of the robot")
+    for fact, shown in (("#pace-fact", "#pace"), ("#link-fact", "#robot-link")):
+        see(page.locator(shown)).to_have_text("\N{EN DASH}")
+        assert page.locator(fact).get_attribute("data-level") is None
     server.send_raw('{"type":"error","detail":"the loop is silent"}')
     see(page.locator("#notice")).to_have_text("the loop is silent")
     server.silent = False
     see(page.locator("#mode")).to_have_text("Standing")
     see(page.locator("#notice")).to_have_text("", timeout=2000)
     see(page.locator("#view-stale")).to_be_hidden()
+    see(page.locator("#pace-fact")).to_have_attribute("data-level", "good")
+
+
+def test_what_was_said_of_a_short_silence_ends_with_it(visit, server, see):
+    """One that the page itself did not call a silence yet."""
+    page = visit(**DESK)
+    page.clock.install()
+    page.reload()
+    see(page.locator("#mode")).to_have_text("Standing")
+    page.clock.pause_at(page.evaluate("1e-3 * Date.now() + 0.1"))  # notices stay 8 s
+    server.silent = True
+    page.clock.run_for(900)
+    server.send_raw('{"type":"error","detail":"the loop is silent"}')
+    see(page.locator("#notice")).to_have_text("the loop is silent")
+    server.silent = False
+    see(page.locator("#notice")).to_have_text("")
+    server.send_raw('{"type":"error","detail":"the wheel is taken"}')
+    see(page.locator("#notice")).to_have_text("the wheel is taken")
+
+
+@pytest.mark.parametrize("server", [many_poses], indirect=True)
+def test_costs_of_poses_side_by_side_do_not_lie_on_each_other(visit, server, see):
+    ends = tuple((pose, 0.2 + 0.01 * pose) for pose in (20, 21, 19, 5))
+    choice = replace(CHOICE, layer=1, pose=0, key_moment="kp_2", ends=ends)
+    server.set(mode=Mode.WALKING, choice=choice)
+    page = visit(**DESK)
+    see(page.locator(".costs .cost")).to_have_count(4)
+    lines = {
+        cost.text_content(): float(cost.get_attribute("y"))
+        for cost in page.locator(".costs .cost").all()
+    }
+    far, *near = (lines[text] for text in ("0.2500", "0.3900", "0.4000", "0.4100"))
+    apart = [under - over for over, under in pairwise(near)]
+    assert apart == pytest.approx([13.0, 13.0])
+    assert near[0] - far > 50.0
+    pose = page.locator(".node[aria-label^='kp_4 pose 20:']")
+    place = re.findall(r"[0-9.]+", pose.get_attribute("transform"))
+    assert near[1] == pytest.approx(float(place[1]) - 5.0, abs=0.1)
 
 
 def test_the_view_is_loaded_again_for_another_process_or_a_new_way(visit, server, see):

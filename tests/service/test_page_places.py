@@ -72,6 +72,23 @@ def test_a_click_sends_the_robot_and_its_progress_is_shown(server, page, see):
     see(page.locator("#going")).to_contain_text("arrived, at 2.00, 1.25 m")
 
 
+def test_a_place_that_jumps_begins_the_trail_anew(server, page, see):
+    """A loop that is started again counts from where the robot is then."""
+
+    def at(x):
+        server.set(mode=Mode.STOPPED, place=Place(x, 0.0), feet=FEET)
+        see(page.locator("#going")).to_contain_text(f"at {x:.2f}, 0.00 m")
+
+    at(0.0)
+    for step in range(1, 9):
+        at(0.2 * step)
+    see(page.locator("#mode")).to_have_text("Stopped")
+    walked = page.locator("#floor").screenshot()
+    at(0.0)
+    at(1.6)
+    assert page.locator("#floor").screenshot() != walked
+
+
 def test_a_drag_gives_the_heading(server, page, see):
     drive(server, page, see)
     page.mouse.move(*spot(page, 1.0, 0.0))

@@ -22,14 +22,14 @@ def planned_res():
     return planned_library(load_box_robot("res"))
 
 
-def planned_library(robot, longest=0.45):
-    """Strides straight ahead, up to a part of the leg, that the plan can carry out.
+def planned_library(robot, longest=0.45, count=4):
+    """So many strides ahead, up to a part of the leg, that the plan can carry out.
 
     Physics has seen none of them; the library says so only in its name.
     """
     leg, shape = robot.reduced.leg_length, StrideShape()
-    strides = np.zeros((6, 3))
-    strides[2:, 0] = np.linspace(0.25, 1.0, 4) * longest * leg
+    strides = np.zeros((2 + count, 3))
+    strides[2:, 0] = np.linspace(0.25, 1.0, count) * longest * leg
     shapes = np.array([[0.5, 1.4, shape.lift * leg]]), np.array([[0.08, 0.1]])
     poses = StridePoses(robot, shape.hip_height * leg, (strides, *shapes, strides))
     timing = shape.timing(robot)

@@ -8,6 +8,7 @@ const FOOT = 44;
 const MARKS = ["now", "passed", "candidate", "goal"];
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 const LABELLED = 4; // costs written beside the cheapest candidates
+const LINE = 13; // px from one of these to the next
 
 const at = (x, y) => `${x.toFixed(1)} ${y.toFixed(1)}`;
 
@@ -16,6 +17,28 @@ function make(name, attributes, parent) {
   for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
   parent?.append(node);
   return node;
+}
+
+/** Move heights apart by as little as it takes, so that all are a line from each other. */
+function spread(heights, line) {
+  const order = heights.map((_, i) => i).sort((a, b) => heights[a] - heights[b]);
+  const groups = []; // of heights that touch; as a whole they stay where they are
+  order.forEach((i, rank) => {
+    let group = { middle: heights[i] - rank * line, members: [i] };
+    while (groups.length && groups.at(-1).middle > group.middle) {
+      const { middle, members } = groups.pop();
+      const [many, more] = [members.length, group.members.length];
+      group = {
+        middle: (middle * many + group.middle * more) / (many + more),
+        members: [...members, ...group.members],
+      };
+    }
+    groups.push(group);
+  });
+  const moved = [];
+  const places = groups.flatMap(({ middle, members }) => members.map((i) => [i, middle]));
+  places.forEach(([i, middle], rank) => (moved[i] = middle + rank * line));
+  return moved;
 }
 
 /** Draw the chain, and mark where the robot goes and what else it could have done. */
@@ -73,14 +96,13 @@ export class Chain {
     const from = layer > 0 ? way[layer - 1] : null;
     for (let i = 1; i < choice.layer; i += 1) this.#edge(i, way[i - 1], way[i], "walked");
     for (let i = 0; i < choice.layer; i += 1) this.#node(i, way[i])?.classList.add("passed");
-    others.forEach((other, rank) => {
+    for (const other of others) {
       this.#edge(layer, from, other.pose, "candidate");
       this.#node(layer, other.pose)?.classList.add("candidate");
-      if (rank < LABELLED - 1) this.#cost(layer, other, "");
-    });
+    }
     if (layer > choice.layer) this.#edge(choice.layer, way[choice.layer - 1], choice.pose, "walked");
     this.#edge(layer, from, pose, "chosen");
-    this.#cost(layer, choice.decided, "best");
+    this.#writeCosts(layer, choice.decided, others.slice(0, LABELLED - 1));
     this.#node(this.#layers.length - 1, choice.target)?.classList.add("goal");
     this.#node(choice.layer, choice.pose)?.classList.add("now");
   }
@@ -169,12 +191,19 @@ export class Chain {
     if (d) make("path", { d, class: kind }, this.marks);
   }
 
-  #cost(layer, { pose, cost }, kind) {
-    if (!this.#node(layer, pose) || !Number.isFinite(cost)) return;
-    const [x, y] = this.#place(layer, pose);
+  /** Write costs one below the other, each as near to its pose as the others let it. */
+  #writeCosts(layer, best, others) {
+    const known = [best, ...others].filter(
+      ({ pose, cost }) => this.#node(layer, pose) && Number.isFinite(cost),
+    );
     // Edges arrive at the height of the pose; the text stands on them.
-    const words = make("text", { x: x - 12, y: y - 5, class: `cost ${kind}` }, this.costs);
-    words.textContent = fixed(cost, 4);
+    const heights = spread(known.map(({ pose }) => this.#place(layer, pose)[1] - 5), LINE);
+    known.forEach((each, i) => {
+      const kind = each === best ? "best" : "";
+      const x = this.#place(layer, each.pose)[0] - 12;
+      const words = make("text", { x, y: heights[i], class: `cost ${kind}` }, this.costs);
+      words.textContent = fixed(each.cost, 4);
+    });
   }
 
   #reach(layer, pose) {

@@ -8,6 +8,7 @@ const DRAGGED = 12; // px; less is a click
 const CALM = 500; // ms between two readings of the way that is left
 const STRIDE = 0.02; // m between two points of the trail
 const TRAIL = 2000;
+const JUMP = 0.3; // m between two frames; less is walked, more is another beginning
 const DEGREES = 180 / Math.PI;
 
 const polar = ([x, y], angle, r) => [x + r * Math.cos(angle), y + r * Math.sin(angle)];
@@ -36,15 +37,20 @@ export class Floor {
     const arrives = frame.going?.arrived && this.#frame?.going?.arrived === false;
     if (arrives) this.notice("The robot has arrived.");
     this.#frame = frame;
-    const last = this.#trail.at(-1);
-    if (!frame.place || frame.mode === "rising") this.#trail = [];
-    else if (!last || Math.hypot(frame.place[0] - last[0], frame.place[1] - last[1]) > STRIDE) {
-      this.#trail = [...this.#trail.slice(1 - TRAIL), frame.place];
-    }
+    this.#follow(frame);
     this.plot.ask();
     if (performance.now() < this.#next) return;
     this.#next = performance.now() + CALM;
     say(this.page.going, goingText(frame));
+  }
+
+  #follow({ place, mode }) {
+    const last = this.#trail.at(-1);
+    const passed = place && last ? Math.hypot(place[0] - last[0], place[1] - last[1]) : 0;
+    if (!place || mode === "rising" || passed > JUMP) this.#trail = [];
+    if (place && (passed > STRIDE || !this.#trail.length)) {
+      this.#trail = [...this.#trail.slice(1 - TRAIL), place];
+    }
   }
 
   #zoom(by) {

@@ -16,6 +16,7 @@ export class Link extends EventTarget {
   #silent = 0; // ms without a frame
   #quiet = 0; // ms without any message, or without an answer to a handshake
   #looked = 0;
+  #heard = 0; // when the last frame came
   #timer = 0;
 
   constructor(hz) {
@@ -25,6 +26,11 @@ export class Link extends EventTarget {
     this.isOpen = false;
     setInterval(() => this.#watch(), LOOK);
     window.addEventListener("online", () => this.#retryNow());
+  }
+
+  /** Since when no frame has come [ms]. */
+  get unheard() {
+    return performance.now() - this.#heard;
   }
 
   /** Connect now. */
@@ -96,6 +102,7 @@ export class Link extends EventTarget {
     const frame = readFrame(raw);
     if (!frame) return;
     this.#silent = 0;
+    this.#heard = performance.now();
     this.#attempts = 0;
     this.#tell("live", "connected");
     this.dispatchEvent(new CustomEvent("frame", { detail: frame }));

@@ -147,19 +147,24 @@ const driver = new Driver(link, wheel, notice, {
   share: at("share"), shown: at("share-out"),
 });
 
-let before = ""; // the link's state
+const UNHEARD = 700; // ms without a frame; a fault that comes then is of the silence
+let silence = false; // whether the notice is of one, which a frame ends
 
 link.addEventListener("state", ({ detail: { name, text } }) => {
   status.connection(name, text);
   if (name === "open") void catchUp();
-  if (name === "live" && before === "silent") notice(""); // what was said of that is over
+  if (name === "silent") silence = true;
+  if (name === "live" && silence) {
+    notice("");
+    silence = false;
+  }
   if (name !== "live") {
     driver.show();
     view.doubt(name);
   }
-  if (name !== "accepted") before = name;
 });
 link.addEventListener("fault", (event) => {
+  silence = link.unheard > UNHEARD;
   notice(event.detail);
   wheel.goal = null; // it may have been refused
 });

@@ -52,6 +52,8 @@ export class Status {
     const last = this.#mode ? ` It was: ${this.#mode}.` : "";
     say(page.modeWords, `No news of the robot.${last}`);
     say(page.reason, "");
+    for (const shown of [page.pace, page.robotLink]) say(shown, "–");
+    for (const fact of [page.paceFact, page.linkFact]) delete fact.dataset.level;
     this.#next = 0;
   }
 
