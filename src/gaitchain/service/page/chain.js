@@ -8,7 +8,7 @@ const FOOT = 44;
 const MARKS = ["now", "passed", "candidate", "goal"];
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 const LABELLED = 4; // costs written beside the cheapest candidates
-const LINE = 13; // px from one of these to the next
+const LINE = 13; // px between two
 
 const at = (x, y) => `${x.toFixed(1)} ${y.toFixed(1)}`;
 
@@ -17,28 +17,6 @@ function make(name, attributes, parent) {
   for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
   parent?.append(node);
   return node;
-}
-
-/** Move heights apart by as little as it takes, so that all are a line from each other. */
-function spread(heights, line) {
-  const order = heights.map((_, i) => i).sort((a, b) => heights[a] - heights[b]);
-  const groups = []; // of heights that touch; as a whole they stay where they are
-  order.forEach((i, rank) => {
-    let group = { middle: heights[i] - rank * line, members: [i] };
-    while (groups.length && groups.at(-1).middle > group.middle) {
-      const { middle, members } = groups.pop();
-      const [many, more] = [members.length, group.members.length];
-      group = {
-        middle: (middle * many + group.middle * more) / (many + more),
-        members: [...members, ...group.members],
-      };
-    }
-    groups.push(group);
-  });
-  const moved = [];
-  const places = groups.flatMap(({ middle, members }) => members.map((i) => [i, middle]));
-  places.forEach(([i, middle], rank) => (moved[i] = middle + rank * line));
-  return moved;
 }
 
 /** Draw the chain, and mark where the robot goes and what else it could have done. */
@@ -102,7 +80,7 @@ export class Chain {
     }
     if (layer > choice.layer) this.#edge(choice.layer, way[choice.layer - 1], choice.pose, "walked");
     this.#edge(layer, from, pose, "chosen");
-    this.#writeCosts(layer, choice.decided, others.slice(0, LABELLED - 1));
+    this.#writeCosts(layer, [choice.decided, ...others].slice(0, LABELLED));
     this.#node(this.#layers.length - 1, choice.target)?.classList.add("goal");
     this.#node(choice.layer, choice.pose)?.classList.add("now");
   }
@@ -191,19 +169,17 @@ export class Chain {
     if (d) make("path", { d, class: kind }, this.marks);
   }
 
-  /** Write costs one below the other, each as near to its pose as the others let it. */
-  #writeCosts(layer, best, others) {
-    const known = [best, ...others].filter(
-      ({ pose, cost }) => this.#node(layer, pose) && Number.isFinite(cost),
-    );
-    // Edges arrive at the height of the pose; the text stands on them.
-    const heights = spread(known.map(({ pose }) => this.#place(layer, pose)[1] - 5), LINE);
-    known.forEach((each, i) => {
-      const kind = each === best ? "best" : "";
-      const x = this.#place(layer, each.pose)[0] - 12;
-      const words = make("text", { x, y: heights[i], class: `cost ${kind}` }, this.costs);
-      words.textContent = fixed(each.cost, 4);
-    });
+  /** Write costs on the edges that arrive at their poses, one below the other. */
+  #writeCosts(layer, costs) {
+    const shown = costs.filter((one) => this.#node(layer, one.pose) && Number.isFinite(one.cost));
+    let least = -LINE;
+    for (const one of shown.sort((a, b) => a.pose - b.pose)) {
+      const [x, y] = this.#place(layer, one.pose);
+      least = Math.max(y - 5, least + LINE);
+      const kind = one === costs[0] ? "best" : "";
+      const words = make("text", { x: x - 12, y: least, class: `cost ${kind}` }, this.costs);
+      words.textContent = fixed(one.cost, 4);
+    }
   }
 
   #reach(layer, pose) {

@@ -16,46 +16,47 @@ export class Disturb {
     const asks = {
       punches: () => this.#punches(),
       arms: () => "random",
-      payload: () => this.#number("part", "payload", " %", PERCENT),
+      payload: () => this.#number("payloadPart", "payload", " %", PERCENT),
     };
     for (const [name, ask] of Object.entries(asks)) {
       page[name].addEventListener("click", () => this.#send(name, this.#on[name] ? null : ask()));
     }
     const change = (name) => this.#on[name] && this.#send(name, asks[name]());
-    for (const name of ["most", "every"]) {
+    for (const name of ["punchesMost", "punchesEvery"]) {
       page[name].addEventListener("change", () => change("punches"));
     }
-    page.part.addEventListener("change", () => change("payload"));
+    page.payloadPart.addEventListener("change", () => change("payload"));
   }
 
   /** Take the library: how hard a punch is depends on how heavy the robot is. */
   library({ mass, disturb }) {
     if (!disturb) return;
-    limited(this.page.most, [0.1, Math.floor(10 * disturb.impulse) / 10]);
-    limited(this.page.every, disturb.every);
-    limited(this.page.part, disturb.payload.map((part) => PERCENT * part));
-    this.page.most.value = Math.max(0.1, SOFT * mass).toFixed(1);
+    limited(this.page.punchesMost, [0.1, Math.floor(10 * disturb.impulse) / 10]);
+    limited(this.page.punchesEvery, disturb.every);
+    limited(this.page.payloadPart, disturb.payload.map((part) => PERCENT * part));
+    this.page.punchesMost.value = Math.max(0.1, SOFT * mass).toFixed(1);
   }
 
   hear(frame) {
+    const { page } = this;
     this.#why = whyNot(frame, this.wheel);
     const { punches, swings, payload } = frame.disturbances;
     this.#on = { punches: punches !== null, arms: swings, payload: payload > 0 };
     for (const [name, on] of Object.entries(this.#on)) {
-      this.page[name].setAttribute("aria-checked", String(on));
-      this.page[name].setAttribute("aria-disabled", String(this.#why !== ""));
+      page[name].setAttribute("aria-checked", String(on));
+      page[name].setAttribute("aria-disabled", String(this.#why !== ""));
     }
     if (punches) {
-      show(this.page.most, punches.most);
-      show(this.page.every, punches.every);
+      show(page.punchesMost, punches.most);
+      show(page.punchesEvery, punches.every);
     }
-    if (payload > 0) show(this.page.part, PERCENT * payload);
-    say(this.page.now, words(frame.disturbances));
+    if (payload > 0) show(page.payloadPart, PERCENT * payload);
+    say(page.disturbed, words(frame.disturbances));
   }
 
   #punches() {
-    const most_ns = this.#number("most", "largest punch", " N s");
-    const every_s = this.#number("every", "interval", " s");
+    const most_ns = this.#number("punchesMost", "largest punch", " N s");
+    const every_s = this.#number("punchesEvery", "interval", " s");
     return [most_ns, every_s].includes(undefined) ? undefined : { most_ns, every_s };
   }
 

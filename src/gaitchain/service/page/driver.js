@@ -25,12 +25,12 @@ export class Driver {
         : wheel.wanted
           ? "Taking the wheel…"
           : "Nobody drives.";
-    say(page.state, text);
-    page.state.dataset.who = wheel.mine ? "me" : wheel.taken ? "other" : "nobody";
+    say(page.wheelState, text);
+    page.wheelState.dataset.who = wheel.mine ? "me" : wheel.taken ? "other" : "nobody";
     page.take.hidden = wheel.wanted;
     page.take.setAttribute("aria-disabled", String(wheel.taken || !link.isOpen));
     page.letGo.hidden = !wheel.wanted;
-    page.panel.classList.toggle("watching", !wheel.wanted);
+    page.drive.classList.toggle("watching", !wheel.wanted);
   }
 
   #take() {
@@ -42,9 +42,9 @@ export class Driver {
   }
 
   #share() {
-    const { share, shown } = this.page;
+    const { share, shareOut } = this.page;
     this.wheel.share = Number(share.value) / 100;
-    say(shown, `${share.value} %`);
+    say(shareOut, `${share.value} %`);
     fill(share, 0);
   }
 }

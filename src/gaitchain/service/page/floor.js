@@ -8,7 +8,7 @@ const DRAGGED = 12; // px; less is a click
 const CALM = 500; // ms between two readings of the way that is left
 const STRIDE = 0.02; // m between two points of the trail
 const TRAIL = 2000;
-const JUMP = 0.3; // m between two frames; less is walked, more is another beginning
+const JUMP = 0.3; // m between two frames; more is another beginning
 const DEGREES = 180 / Math.PI;
 
 const polar = ([x, y], angle, r) => [x + r * Math.cos(angle), y + r * Math.sin(angle)];
@@ -45,8 +45,8 @@ export class Floor {
   }
 
   #follow({ place, mode }) {
-    const last = this.#trail.at(-1);
-    const passed = place && last ? Math.hypot(place[0] - last[0], place[1] - last[1]) : 0;
+    const last = this.#trail.at(-1) ?? place;
+    const passed = place && Math.hypot(place[0] - last[0], place[1] - last[1]);
     if (!place || mode === "rising" || passed > JUMP) this.#trail = [];
     if (place && (passed > STRIDE || !this.#trail.length)) {
       this.#trail = [...this.#trail.slice(1 - TRAIL), place];
@@ -116,9 +116,9 @@ export class Floor {
     if (event.pointerId !== pulled?.pointer) return;
     this.#pulled = null;
     const [x, y] = pulled.place;
-    Object.assign(this.page.x, { value: x.toFixed(3) });
-    Object.assign(this.page.y, { value: y.toFixed(3) });
-    Object.assign(this.page.yaw, { value: (pulled.yaw * DEGREES).toFixed(1) });
+    this.page.x.value = x.toFixed(3);
+    this.page.y.value = y.toFixed(3);
+    this.page.yaw.value = (pulled.yaw * DEGREES).toFixed(1);
     this.#go(x, y, pulled.yaw);
   }
 

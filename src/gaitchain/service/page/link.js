@@ -11,12 +11,11 @@ const LOOK = 500; // ms between two looks at it
 
 /** Events: `frame` (detail: a frame), `state` (detail: name, text), `fault` (detail: text). */
 export class Link extends EventTarget {
+  unheard = 0; // ms without a frame
   #socket = null;
   #attempts = 0;
-  #silent = 0; // ms without a frame
   #quiet = 0; // ms without any message, or without an answer to a handshake
   #looked = 0;
-  #heard = 0; // when the last frame came
   #timer = 0;
 
   constructor(hz) {
@@ -26,11 +25,6 @@ export class Link extends EventTarget {
     this.isOpen = false;
     setInterval(() => this.#watch(), LOOK);
     window.addEventListener("online", () => this.#retryNow());
-  }
-
-  /** Since when no frame has come [ms]. */
-  get unheard() {
-    return performance.now() - this.#heard;
   }
 
   /** Connect now. */
@@ -48,7 +42,7 @@ export class Link extends EventTarget {
       if (socket !== this.#socket) return; // a later one has taken its place
       opened = true;
       this.isOpen = true;
-      this.#silent = this.#quiet = 0;
+      this.unheard = this.#quiet = 0;
       this.#tell("open", "connected, waiting for the robot");
     };
     socket.onmessage = (event) => {
@@ -101,8 +95,7 @@ export class Link extends EventTarget {
     }
     const frame = readFrame(raw);
     if (!frame) return;
-    this.#silent = 0;
-    this.#heard = performance.now();
+    this.unheard = 0;
     this.#attempts = 0;
     this.#tell("live", "connected");
     this.dispatchEvent(new CustomEvent("frame", { detail: frame }));
@@ -125,10 +118,10 @@ export class Link extends EventTarget {
     // While this page itself stood still, frames came and wait behind this look.
     const passed = Math.min(now - this.#looked, 2 * LOOK);
     this.#looked = now;
-    this.#silent += passed;
+    this.unheard += passed;
     this.#quiet += passed;
-    if (this.isOpen && this.#silent >= SILENT) {
-      this.#tell("silent", `connected; robot silent for ${Math.round(this.#silent / 1000)} s`);
+    if (this.isOpen && this.unheard >= SILENT) {
+      this.#tell("silent", `connected; robot silent for ${Math.round(this.unheard / 1000)} s`);
     }
     const socket = this.#socket;
     const connecting = socket?.readyState === WebSocket.CONNECTING;

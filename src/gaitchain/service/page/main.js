@@ -27,46 +27,28 @@ const HZ = 25;
 const RETRY = 2000; // ms between two tries to get the library
 
 const at = (id) => document.getElementById(id);
+const camel = (id) => id.replace(/-./g, ([, letter]) => letter.toUpperCase());
+
+/** Return elements by their ids in camel case. */
+function named(...ids) {
+  return Object.fromEntries(ids.join(" ").split(" ").map((id) => [camel(id), at(id)]));
+}
 
 const notice = speaker(at("notice"));
 const disturbNotice = speaker(at("disturb-notice"));
 
 const link = new Link(HZ);
 const wheel = new Wheel(link);
-const status = new Status({
-  robotName: at("robot-name"),
-  robotKind: at("robot-kind"),
-  mode: at("mode"),
-  modeWords: at("mode-words"),
-  reason: at("reason"),
-  connection: at("connection"),
-  connectionFact: at("connection-fact"),
-  pace: at("pace"),
-  paceFact: at("pace-fact"),
-  robotLink: at("robot-link"),
-  linkFact: at("link-fact"),
-  signin: at("signin"),
-  fall: at("fall"),
-  fallTitle: at("fall-title"),
-  fallSentence: at("fall-sentence"),
-  asked: at("asked"),
-  carried: at("carried"),
-  note: at("note"),
-  support: at("support"),
-  steps: at("steps"),
-  tilt: at("tilt"),
-  sensors: at("sensors"),
-  libraryFacts: at("library-facts"),
-});
-const actions = new Actions(link, wheel, notice, {
-  start: at("start"),
-  stop: at("stop"),
-  rest: at("rest"),
-  reset: at("reset"),
-  getUp: at("get-up"),
-  estop: at("estop"),
-  unconfirmed: at("unconfirmed"),
-});
+const status = new Status(
+  named(
+    "robot-name robot-kind library-facts mode mode-words reason connection connection-fact",
+    "pace pace-fact robot-link link-fact signin fall fall-title fall-sentence",
+    "asked carried note support steps tilt sensors",
+  ),
+);
+const actions = new Actions(
+  link, wheel, notice, named("start stop rest reset get-up estop unconfirmed"),
+);
 
 function moved() {
   if (wheel.pulled && !wheel.wanted) notice(idle());
@@ -92,22 +74,11 @@ wheel.sources = [
   new Pad(moved, emergency, () => actions.stop(), (text) => say(at("pad"), text)),
 ];
 
-const push = new Push(link, wheel, disturbNotice, {
-  dial: at("dial"),
-  impulse: at("impulse"),
-  body: at("body"),
-  elevation: at("elevation"),
-  reason: at("push-why"),
-});
-const disturb = new Disturb(link, wheel, disturbNotice, {
-  punches: at("punches"),
-  most: at("punches-most"),
-  every: at("punches-every"),
-  arms: at("arms"),
-  payload: at("payload"),
-  part: at("payload-part"),
-  now: at("disturbed"),
-});
+const push = new Push(link, wheel, disturbNotice, named("dial impulse body elevation push-why"));
+const disturb = new Disturb(
+  link, wheel, disturbNotice,
+  named("punches punches-most punches-every arms payload payload-part disturbed"),
+);
 const replay = new Replay(link, notice, {
   box: at("replay"), play: at("replay-play"),
   bar: at("replay-at"),
@@ -116,11 +87,7 @@ const replay = new Replay(link, notice, {
 });
 const log = new Log(at("events"), (number) => link.get(`/events?after=${number}`));
 const balance = new Balance(at("balance"), at("margin"));
-const traces = new Traces({
-  angles: at("angles"),
-  loads: at("loads"),
-  list: at("joint-list"),
-});
+const traces = new Traces(named("angles loads joint-list"));
 const why = new Why(new Chain(at("chain"), (text) => say(at("pose-text"), text)), {
   title: at("why-title"),
   now: at("chain-now"),
@@ -141,19 +108,15 @@ const floor = new Floor(wheel, notice, {
   nearer: at("nearer"), further: at("further"),
 });
 
-const driver = new Driver(link, wheel, notice, {
-  panel: at("drive"), state: at("wheel-state"),
-  take: at("take"), letGo: at("let-go"),
-  share: at("share"), shown: at("share-out"),
-});
+const driver = new Driver(
+  link, wheel, notice, named("drive wheel-state take let-go share share-out"),
+);
 
-const UNHEARD = 700; // ms without a frame; a fault that comes then is of the silence
-let silence = false; // whether the notice is of one, which a frame ends
+let silence = false; // whether the notice tells of one
 
 link.addEventListener("state", ({ detail: { name, text } }) => {
   status.connection(name, text);
   if (name === "open") void catchUp();
-  if (name === "silent") silence = true;
   if (name === "live" && silence) {
     notice("");
     silence = false;
@@ -164,7 +127,7 @@ link.addEventListener("state", ({ detail: { name, text } }) => {
   }
 });
 link.addEventListener("fault", (event) => {
-  silence = link.unheard > UNHEARD;
+  silence = link.unheard >= 1000;
   notice(event.detail);
   wheel.goal = null; // it may have been refused
 });

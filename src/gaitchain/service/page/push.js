@@ -1,5 +1,7 @@
 // Pushes on a simulated robot, from eight sides.
 
+import { say } from "./words.js";
+
 const SOFT = 0.1; // m/s; a push to begin with
 const WAYS = [
   [0, "forward", "↑"],
@@ -39,14 +41,12 @@ export function readNumber(input, what, unit) {
 export class Push {
   #why = whyNot(null, {});
 
-  constructor(link, wheel, notice, { dial, impulse, body, elevation, reason }) {
-    Object.assign(this, { link, wheel, notice, impulse, body, elevation, reason });
+  constructor(link, wheel, notice, { dial, impulse, body, elevation, pushWhy }) {
+    Object.assign(this, { link, wheel, notice, impulse, body, elevation, pushWhy });
     this.buttons = WAYS.map(([degrees, words, arrow]) => {
       const button = document.createElement("button");
-      button.type = "button";
-      button.textContent = arrow;
-      button.setAttribute("aria-label", `Push ${words}`);
-      button.title = `Push ${words}`;
+      const title = `Push ${words}`;
+      Object.assign(button, { type: "button", textContent: arrow, title, ariaLabel: title });
       button.addEventListener("click", () => this.#push(degrees));
       dial.append(button);
       return button;
@@ -65,8 +65,7 @@ export class Push {
 
   hear(frame) {
     this.#why = whyNot(frame, this.wheel);
-    const words = this.#why || "pushes last 0.1 s; directions as the trunk faces";
-    if (this.reason.textContent !== words) this.reason.textContent = words;
+    say(this.pushWhy, this.#why || "pushes last 0.1 s; directions as the trunk faces");
     for (const button of this.buttons) {
       button.setAttribute("aria-disabled", String(this.#why !== ""));
     }

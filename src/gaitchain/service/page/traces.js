@@ -16,8 +16,8 @@ export class Traces {
 
   unit = "N m";
 
-  constructor({ angles, loads, list }) {
-    this.list = list;
+  constructor({ angles, loads, jointList }) {
+    this.list = jointList;
     this.chips = [];
     this.chosen = new Map(); // joint -> colour
     this.angles = new Plot(angles, (...where) =>
