@@ -605,7 +605,7 @@ def test_nobody_else_is_let_in_without_a_token():
         check_guarded(Settings(library="", host=host))
     check_guarded(Settings(library="", host="0.0.0.0", token="t"))
     for host in ("0.0.0.0", "::", "", "192.168.1.7", "robot.local"):
-        with pytest.raises(ServiceError, match="give a --token"):
+        with pytest.raises(ServiceError, match="give a --token-file"):
             check_guarded(Settings(library="", host=host))
 
 

@@ -107,6 +107,22 @@ def test_servos_without_an_imu_need_open_loop_for_a_walk_that_balances(tmp_path)
         make_loop(settings, tmp_path)
 
 
+@pytest.mark.parametrize(("open_loop", "warned"), [(False, True), (True, False)])
+def test_a_rehearsal_without_an_imu_says_that_real_servos_would_be_refused(
+    tmp_path, capfd, open_loop, warned
+):
+    path = tmp_path / "robot.toml"
+    save_calibration(CALIBRATION, path)
+    changes = {"calibration": str(path), "open_loop": open_loop}
+    loop, port = make_loop(asked(backend="dynamixel:emulated", **changes), tmp_path)
+    loop.end()
+    loop.run()
+    port.close()
+    told = capfd.readouterr().err
+    assert ("servos that are real would be refused: this library" in told) is warned
+    assert ("walk with --open-loop" in told) is warned
+
+
 def test_a_robot_behind_ros_without_an_imu_is_told_the_topic(tmp_path):
     """It has no calibration that could name an IMU."""
     server = RosbridgeServer()

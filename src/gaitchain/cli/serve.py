@@ -212,8 +212,9 @@ def _token(options: Serve) -> str:
         )
     if not token and not is_loopback(options.host):
         raise CommandError(
-            f"--host {options.host}: others could drive the robot; give a --token "
-            "that only you know, or stay on 127.0.0.1"
+            f"--host {options.host}: others could drive the robot; give --token-file "
+            f"FILE, or {_VARIABLE}, with a token that only you know, or stay on "
+            "127.0.0.1"
         )
     return token
 

@@ -76,8 +76,8 @@ def check_guarded(settings: Settings) -> None:
     if settings.token or is_loopback(settings.host):
         return
     raise ServiceError(
-        f"--host {settings.host} lets other machines in: give a --token, or serve on "
-        "127.0.0.1"
+        f"--host {settings.host} lets other machines in: give a --token-file, or "
+        "serve on 127.0.0.1"
     )
 
 

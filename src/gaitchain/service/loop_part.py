@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import sys
 import threading
 from collections.abc import Callable
 from functools import partial
@@ -118,10 +119,18 @@ def _connect(backend: SafeBackend, stand: Array, settings: Settings) -> bool:
 
 
 def _walker_for(robot: OpenedRobot, library: GaitLibrary, settings: Settings) -> Walker:
-    """Return a walker that balances by what this robot measures."""
+    """Return a walker that balances by what this robot measures.
+
+    Raises:
+        CommandError: it measures nothing of what the library balances by.
+    """
     backend, feedback = robot.backend, not settings.open_loop
-    if library.family.balanced and feedback and backend.physical and not robot.emulated:
-        _check_imu(backend.has_imu, settings)
+    balances = library.family.balanced and feedback and backend.physical
+    if balances and not backend.has_imu:
+        if not robot.emulated:
+            raise CommandError(_without_imu(settings))
+        if settings.calibration is not None:  # a rehearsal, which has to say so
+            _say(f"servos that are real would be refused: {_without_imu(settings)}")
     walker = Walker(
         library,
         feedback=feedback and backend.has_imu,
@@ -131,14 +140,16 @@ def _walker_for(robot: OpenedRobot, library: GaitLibrary, settings: Settings) ->
     return walker
 
 
-def _check_imu(has_imu: bool, settings: Settings) -> None:
-    if has_imu:
-        return
+def _say(what: str) -> None:
+    print(f"gaitchain: {what}", file=sys.stderr, flush=True)
+
+
+def _without_imu(settings: Settings) -> str:
     would = "name the IMU in the calibration"
     if settings.backend.startswith("ros"):
         topic = RobotTopics().imu
         would = f"nothing came on {topic}; have a node publish its IMU there"
-    raise CommandError(
+    return (
         "this library balances by gyro and accelerometer, and the robot has none: "
         f"{would}, or walk with --open-loop"
     )

@@ -47,8 +47,9 @@ class BusImu:
         if all(bus.read(self._as.id, self._block) is None for _ in range(_TRIES)):
             raise BackendError(
                 f"{bus.name}: no answer from the imu (id {self._as.id}), asked for "
-                f"{self._block.size} bytes at {self._block.address}; without the table "
-                "[imu] in the calibration the robot walks open loop"
+                f"{self._block.size} bytes at {self._block.address}; correct id and "
+                "addresses in the table [imu] of the calibration, or take it out and "
+                "walk with --open-loop"
             )
 
     def read(self, bus: ServoBus) -> tuple[Array, Array]:
