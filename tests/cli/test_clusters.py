@@ -7,6 +7,7 @@ than all that is asked of it. What kills parts of a cluster has its own
 
 import importlib
 import os
+import socket
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -24,7 +25,7 @@ from gaitchain.build.pipeline import build_library
 from gaitchain.build.qualify import qualify_grid
 from gaitchain.build.workers import Crew
 from gaitchain.cli.cluster import dask_client, on_ray
-from gaitchain.errors import WorkerError
+from gaitchain.errors import CommandError, WorkerError
 from gaitchain.gait.library_file import library_bytes
 
 pytestmark = pytest.mark.slow
@@ -128,6 +129,16 @@ def test_ray_sends_jobs_again_whose_process_is_killed(tmp_path, monkeypatch):
         sorted(key[-1] for key, _ in kept(often).found) for often in ("once", "always")
     ]
     assert numbers == [list(range(9)), [0, 1]], "each once"
+
+
+@needs_ray
+def test_a_ray_cluster_that_nobody_answers_for_is_told_at_once():
+    with socket.socket() as taken:  # bound, and not listening
+        taken.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{taken.getsockname()[1]}"
+        told = f"--address {address}: no Ray cluster: .* `ray start --head`"
+        with pytest.raises(CommandError, match=told), on_ray(address, 1):
+            pass
 
 
 @needs_ray

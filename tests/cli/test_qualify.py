@@ -139,11 +139,46 @@ def test_a_library_that_does_not_pass_exits_1(file, library, monkeypatch, capsys
         (["--seeds", "0"], "--seeds 0: give 1 to 1000"),
         (["--address", "here:1"], "--address here:1: loky is this machine"),
         (["--map", "/proc/nowhere/a.png"], "/proc/nowhere"),
+        (
+            ["--bound", "0.1", "--report-walks", "5"],
+            "--report-walks: of the report; give --report DIR as well",
+        ),
+        (
+            ["--bound", "0.1", "--report", "/proc/nowhere"],
+            "name one in your own folder",
+        ),
     ],
 )
 def test_what_cannot_be_is_said_at_once(file, words, message, capsys):
     assert run(["qualify", str(file), *words]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_a_report_that_cannot_be_written_is_refused_before_any_walk(
+    file, tmp_path, capsys
+):
+    words = ["qualify", str(file), "--bound", "0.1", "-o", str(tmp_path / "P.gait")]
+    taken, folder = tmp_path / "taken", tmp_path / "pages"
+    taken.write_text("mine")
+    (folder / "pushes.png").mkdir(parents=True)
+    for pages, why in (
+        (taken, "there is a file of that name; name another folder"),
+        (folder, "pushes.png: cannot be written, as it is a folder"),
+    ):
+        assert run([*words, "--report", str(pages)]) == 2
+        told = capsys.readouterr()
+        assert why in told.err
+        assert not told.out
+    assert taken.read_text() == "mine"
+
+
+def test_only_a_library_is_replaced_by_a_library(file, tiny, tmp_path, capsys):
+    other = tmp_path / "results.json"
+    other.write_text('{"robot": "mine"}')
+    assert run(["qualify", str(file), "-o", str(other)]) == 2
+    why = f"{other}: it is there, and not a gait library that can be read; name another"
+    assert why in capsys.readouterr().err
+    assert other.read_text() == '{"robot": "mine"}'
 
 
 def test_a_library_that_comes_with_gaitchain_stays_as_it_is(capsys):

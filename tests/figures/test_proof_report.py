@@ -100,17 +100,15 @@ def usual(tmp_path_factory):
     return report(tmp_path_factory.mktemp("usual"))
 
 
-def test_walks_that_had_been_seen_before_the_criterion_was_chosen_are_said(
-    usual, tmp_path
-):
+def test_other_criteria_by_which_walks_were_judged_are_said(usual, tmp_path):
     words, _ = usual
     assert "Criterion, fixed before the first walk" in words
-    assert "had been seen" not in words
+    assert "other criteria" not in words
     before = EarlierCriterion(1e-4, 0.9, 60.0), EarlierCriterion(1e-2, 0.95, 60.0)
     words, numbers = report(tmp_path, proof=replace(PROOF, before=before))
-    assert "Criterion, chosen after walks had been seen" in words
+    assert "Criterion, not the only one by which walks were judged" in words
     assert "Criterion, fixed before the first walk" not in words
-    assert "Walks had been seen before this bound was chosen" in words
+    assert "Walks were judged by other criteria as well. " in words
     for each in ("0.0001 with 90 % confidence", "0.01 with 95 % confidence"):
         assert each in words
     assert numbers["before"] == [*map(asdict, before)]

@@ -136,6 +136,12 @@ def test_interval_and_test_agree(made, bound):
     assert 0.0 <= test.sureness <= 1.0
 
 
+def test_a_fall_in_one_walk_alone_leaves_no_least_rate():
+    low, high = rate_interval([(5, True, 1)], LONGEST, 0.99)
+    assert low == 0.0
+    assert high == pytest.approx(1.0)
+
+
 def test_no_walks_leave_everything_possible():
     assert rate_interval([], LONGEST) == (0.0, 1.0)
 

@@ -3,6 +3,7 @@
 # ruff: noqa: PLC0415 - dask and Ray load only where they are asked for.
 
 import os
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -87,6 +88,17 @@ def dask_client(address: str | None, workers: int) -> Any:
         ) from None
 
 
+def _check_answers(address: str | None) -> None:
+    """Check that somebody listens at HOST:PORT; Ray itself would try for minutes.
+
+    Raises:
+        OSError: nobody does.
+    """
+    host, _, port = (address or "").rpartition("://")[2].rpartition(":")
+    if host and port.isdecimal():
+        socket.create_connection((host.strip("[]"), int(port)), _PATIENCE_S).close()
+
+
 @contextmanager
 def on_ray(address: str | None, workers: int) -> Iterator[None]:
     """Run the walks on the Ray cluster at an address, or on one on this machine.
@@ -106,9 +118,13 @@ def on_ray(address: str | None, workers: int) -> Iterator[None]:
 
         from gaitchain.cli.ray_backend import LastingRayBackend
     try:
+        _check_answers(address)
         ray.init(address=address, num_cpus=None if address else workers)
-    except (ConnectionError, ValueError) as error:
-        raise CommandError(f"--address {address}: no Ray cluster: {error}") from None
+    except (OSError, ValueError) as error:
+        raise CommandError(
+            f"--address {address}: no Ray cluster: {error}; start one with `ray start "
+            "--head`, or leave --address out"
+        ) from None
     backend = LastingRayBackend()
     try:
         with parallel_config(backend=backend):

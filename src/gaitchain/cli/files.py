@@ -80,15 +80,19 @@ def check_replaced(path: Path | None, what: str, wanted: Kind | None = None) -> 
     Args:
         path: to be written; None where nothing is.
         what: will be in it, for the message.
-        wanted: what of these it may replace.
+        wanted: what of the package's files it may replace, and then nothing else but an
+            empty file.
 
     Raises:
         CommandError: the file is there, and something else.
     """
-    if path is None or not path.is_file():  # or a pipe
+    if path is None or not path.is_file() or not path.stat().st_size:  # or a pipe
         return
-    found = "a robot's TOML file" if path.suffix == _TABLE else kind_of(path, wanted)
-    if found:
+    known = kind_of(path)
+    found: str | None = "a robot's TOML file" if path.suffix == _TABLE else known
+    if found is None and wanted is not None:
+        found = f"it is there, and not {wanted} that can be read"
+    if found not in (None, wanted):
         raise CommandError(f"{path}: {found}; name another file for {what}")
 
 
@@ -100,9 +104,15 @@ def make_folder(path: Path) -> Path:
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError):
+        raise CommandError(
+            f"{path}: no such folder can be made: there is a file of that name; name "
+            "another folder"
+        ) from None
     except OSError as error:
         raise CommandError(
-            f"{path}: no such folder can be made: {error.strerror}"
+            f"{path}: no such folder can be made: {error.strerror}; name one in your "
+            "own folder"
         ) from None
     if not os.access(path, os.W_OK):
         raise CommandError(f"{path}: cannot be written to; name a folder of your own")

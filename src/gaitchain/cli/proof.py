@@ -10,7 +10,6 @@ from gaitchain.build.journal import Journal
 from gaitchain.build.push import impulse_unit_ns
 from gaitchain.cli.cluster import journaled_crew
 from gaitchain.cli.console import print_table, say
-from gaitchain.cli.files import make_folder
 from gaitchain.cli.options import Qualify
 from gaitchain.cli.tried import as_kept, tried
 from gaitchain.errors import LibraryError
@@ -30,6 +29,7 @@ from gaitchain.proof.fall_rate import (
 from gaitchain.proof.measures import measure
 from gaitchain.proof.proof_walks import Criterion
 from gaitchain.proof.rate_test import steps_needed
+from gaitchain.proof.rate_text import interval_text
 from gaitchain.proof.step_strata import SELDOM
 from gaitchain.walker.walker import Walker
 
@@ -50,8 +50,6 @@ def prove_bound(
     before = _seen(library, criterion, journal, out)
     if before:
         say(describe_before(before))
-    if options.pages is not None:
-        make_folder(options.pages)
     with journaled_crew(options, journal) as crew:
         found = _remembering(prove(library, criterion, crew), before)
         measures = None
@@ -158,5 +156,5 @@ def _row(name: str, stratum: Stratum, report: ProofReport) -> tuple[str, ...]:
         walk_count(stratum, report),
         f"{stratum.steps}",
         f"{stratum.falls}",
-        f"{stratum.low:.2g} to {stratum.high:.2g}",
+        interval_text(stratum.low, stratum.high),
     )

@@ -14,13 +14,19 @@ from gaitchain.build.qualify import default_grid, qualify_grid
 from gaitchain.build.workers import Crew, available_cores
 from gaitchain.cli.cluster import check_address, on_backend
 from gaitchain.cli.console import print_table, progress, resumable, say
-from gaitchain.cli.files import check_files, check_picture, check_replaced
+from gaitchain.cli.files import (
+    check_files,
+    check_picture,
+    check_replaced,
+    make_folder,
+)
 from gaitchain.cli.libraries import find_library, shipped_library
 from gaitchain.cli.mixtures import refuse
 from gaitchain.cli.options import Qualify
 from gaitchain.cli.proof import prove_bound
 from gaitchain.cli.splitting import estimate_falls
 from gaitchain.errors import CommandError
+from gaitchain.figures.proof_report import REPORT_FILES
 from gaitchain.figures.robustness import plot_pass_rates
 from gaitchain.gait.command_range import AXES, ends_text
 from gaitchain.gait.library import GaitLibrary
@@ -58,7 +64,7 @@ def run(options: Qualify) -> tuple[int, dict[str, Any]]:
             f"{options.library}: comes with gaitchain and stays as it is; name another "
             f"file {what} with -o"
         )
-    check_files([out, options.map], [])
+    check_files([out, options.map, *_pages(options)], [])
     check_replaced(options.output, "the library", "a gait library")
     if options.map is not None:
         check_picture(options.map)
@@ -79,6 +85,16 @@ def _check_kind(options: Qualify) -> None:
     refuse(options, _OF_GRID, "of the grid of worlds, which --bound does not walk")
     if options.splitting is not None:
         refuse(options, _OF_TEST, "of the test of a bound, which --splitting replaces")
+    if options.pages is None:
+        refuse(options, ("report_walks",), "of the report; give --report DIR as well")
+
+
+def _pages(options: Qualify) -> list[Path]:
+    """Return the files of the report; its folder is made and checked."""
+    if options.pages is None:
+        return []
+    folder = make_folder(options.pages)
+    return [folder / name for name in REPORT_FILES]
 
 
 def _walk_grid(

@@ -13,6 +13,7 @@ from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.library_file import library_bytes
 from gaitchain.gait.qualification import EarlierCriterion
 from gaitchain.proof.fall_rate import describe_before
+from gaitchain.proof.rate_text import interval_text
 from gaitchain.proof.split_walks import (
     SLICE_S,
     Disturbed,
@@ -91,4 +92,4 @@ def _show(options: Qualify, library: GaitLibrary, report: SplitReport) -> None:
 
 
 def _cells(chance: Chance) -> tuple[str, str]:
-    return f"{chance.mean:.3g}", f"{chance.low:.2g} to {chance.high:.2g}"
+    return f"{chance.mean:.3g}", interval_text(chance.low, chance.high)

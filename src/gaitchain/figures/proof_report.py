@@ -18,6 +18,7 @@ from gaitchain.build.journal import PACKAGES
 from gaitchain.errors import CommandError, LibraryError, file_errors
 from gaitchain.figures.page import add, bullets, picture, table
 from gaitchain.figures.proof_measures import (
+    MAPS,
     draw_maps,
     falls_section,
     pushes_section,
@@ -51,10 +52,13 @@ from gaitchain.proof.fall_rate import (
 )
 from gaitchain.proof.measures import Measures, measure_seeds
 from gaitchain.proof.proof_walks import BANK, CHOSEN, Criterion, seed_of
+from gaitchain.proof.rate_text import interval_text, upper_text
 from gaitchain.proof.step_strata import SELDOM
 from gaitchain.sim.truth import FALL_HEIGHT, FALL_TILT
 
 PAGE, NUMBERS, PICTURE = "report.html", "report.json", "rates.png"
+REPORT_FILES = (PAGE, NUMBERS, PICTURE, *MAPS)
+"""All that a report may have."""
 _UNKNOWN = 0.5  # falls per step; an interval that ends higher tells nothing
 _HEADS = ("walks", "number", "steps", "falls", "falls per step", "one fall in")
 _STYLE = (
@@ -87,7 +91,7 @@ _SEEDED = (
     "of NumPy's default_rng."
 )
 _FIXED = "Criterion, fixed before the first walk"
-_CHOSEN_LATER = "Criterion, chosen after walks had been seen"
+_ONE_OF_SEVERAL = "Criterion, not the only one by which walks were judged"
 _STRATA = (
     "The criterion is of all walks. Rows below the first divide them by the model of "
     "the contact, by disturbances that have several levels, and by world; they are for "
@@ -242,7 +246,7 @@ class _Report(NamedTuple):
         robot_section(body, self.library.robot)
         uses_section(body, self.library, self.proof, self.measures.scale_ns)
         before = self.proof.before
-        add(body, "h2", _CHOSEN_LATER if before else _FIXED)
+        add(body, "h2", _ONE_OF_SEVERAL if before else _FIXED)
         add(body, "p", _criterion(self.criterion))
         if before:
             add(body, "p", describe_before(before))
@@ -324,7 +328,7 @@ def _verdict(proof: ProofReport) -> str:
         words += f"was walked once in addition, and of these walks {more.falls} fell."
     words += " Each walk had one disturbance at a time."
     if proof.before:
-        words += " Walks had been seen before this bound was chosen."
+        words += " Walks were judged by other criteria as well."
     return f"{words} No real robot was tested."
 
 
@@ -387,7 +391,8 @@ def _known(steps: StepStrata) -> str:
     if not steps.high or steps.high[0] > _UNKNOWN:
         return "Each was walked too seldom to tell how often it falls in it."
     best, middle, worst = (
-        "an unknown rate" if rate > _UNKNOWN else f"{rate:.2g}" for rate in steps.high
+        "an unknown rate" if rate > _UNKNOWN else upper_text(rate)
+        for rate in steps.high
     )
     return (
         "Falls per visit are, with that confidence for all steps together, below "
@@ -398,7 +403,7 @@ def _known(steps: StepStrata) -> str:
 
 def _step_row(step: StepStratum) -> tuple[str, ...]:
     numbers = map(str, (step.first, step.last, step.walked, step.falls))
-    return *numbers, f"{step.low:.2g} to {step.high:.2g}"
+    return *numbers, interval_text(step.low, step.high)
 
 
 def _spaced(number: int) -> str:
@@ -422,7 +427,7 @@ def _row(name: str, stratum: Stratum, proof: ProofReport) -> tuple[str, ...]:
         walk_count(stratum, proof),
         f"{stratum.steps}",
         f"{stratum.falls}",
-        f"{stratum.low:.2g} to {stratum.high:.2g}",
+        interval_text(stratum.low, stratum.high),
         often,
     )
 

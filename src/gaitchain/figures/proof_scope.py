@@ -41,15 +41,17 @@ _LEVELS = (
 )
 _ALONE = (
     "Each walk was in one of these worlds, drawn with equal chances, and so had one "
-    "disturbance at a time; all else was as in the world nominal. Two were there only "
-    'where it says "together with".'
+    "disturbance at a time; all else was as in the world nominal."
 )
+_TOGETHER_WITH = ' Two were there only where it says "together with".'
 _DOUBTED = (
     " Besides, each walk had errors of the robot as its log leaves them possible, see "
     "above."
 )
 _AT_MOST = (
     'Errors "at most" are drawn for each walk and each link, joint or axis, uniformly. '
+)
+_TERMS = (
     "The CoM is the centre of mass; the IMU has the gyro and the accelerometer; the "
     "bus carries targets to the servos and angles back. m sqrt(g h), of the robot's "
     "mass m and the height h of its CoM where it stands, is {:.1f} N s for this robot."
@@ -225,14 +227,13 @@ def _worlds(
 ) -> None:
     add(body, "h3", "Worlds")
     doubted = library.robot.identified is not None
-    add(body, "p", _ALONE + _DOUBTED * doubted)
     meant, names = meanings(library), shown_names(library, scale_ns)
-    table(
-        body,
-        _WORLD_HEADS,
-        ((names.get(w.name, w.name), meant.get(w.name, "")) for w in proof.worlds),
-    )
-    add(body, "p", _AT_MOST.format(scale_ns))
+    rows = [(names.get(w.name, w.name), meant.get(w.name, "")) for w in proof.worlds]
+    said = " ".join(words for _, words in rows).lower()
+    together = _TOGETHER_WITH * ("together with" in said)
+    add(body, "p", _ALONE + together + _DOUBTED * doubted)
+    table(body, _WORLD_HEADS, rows)
+    add(body, "p", _AT_MOST * ("at most" in said) + _TERMS.format(scale_ns))
     cones = " and ".join(contact.name for contact in proof.contacts)
     add(
         body,

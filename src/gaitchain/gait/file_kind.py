@@ -30,19 +30,13 @@ _MOST_BYTES = 100_000_000  # of a header, as safetensors has it
 _MCAP = b"\x89MCAP0\r\n"
 
 
-def kind_of(path: Path, wanted: Kind | None = None) -> Kind | None:
-    """Return what an existing file is; None if not known, or what was wanted.
-
-    Args:
-        path: the file.
-        wanted: what may be there.
-    """
+def kind_of(path: Path) -> Kind | None:
+    """Return what an existing file is; None if not known."""
     try:
         with path.open("rb") as file:
-            found = _kind(file)
+            return _kind(file)
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
-    return found if found != wanted else None
 
 
 def _kind(file: BinaryIO) -> Kind | None:

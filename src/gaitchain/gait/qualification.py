@@ -261,7 +261,7 @@ class ProofReport:
     """Walks after the test was sure of "below"; None if it was not, or if draws had met
     each world and contact model. Proofs of before have none."""
     before: tuple[EarlierCriterion, ...] = ()
-    """Criteria with which walks had been seen before that of this proof was chosen."""
+    """Other criteria by which walks had been judged until this proof was made."""
 
     @property
     def criterion(self) -> EarlierCriterion:

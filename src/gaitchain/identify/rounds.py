@@ -13,7 +13,7 @@ _T = TypeVar("_T")
 class Rounds:
     """Rounds that draw from one source, and end alike where the journal has some.
 
-    A round takes minutes, a motion an hour: an interrupt loses one round.
+    A fit of a robot takes many minutes: an interrupt loses one round of it.
     """
 
     def __init__(self, rng: np.random.Generator, begin: Callable[[], None]) -> None:

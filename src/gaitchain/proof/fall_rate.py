@@ -196,9 +196,9 @@ def describe_chosen(chosen: ChosenWalks, proof: ProofReport) -> str:
 
 
 def describe_before(before: Sequence[EarlierCriterion]) -> str:
-    """Say with which criteria walks had been seen before another one was chosen."""
+    """Say by which criteria walks were judged beside another one, before or between."""
     return (
-        "Walks had been seen before this criterion was chosen, with other ones for the "
-        f"falls per step: {'; '.join(each.describe() for each in before)}. The "
-        "confidence is that of a criterion which is fixed before the first walk."
+        "Walks were judged by other criteria as well, for the falls per step: "
+        f"{'; '.join(each.describe() for each in before)}. The confidence is that of a "
+        "single criterion, which is fixed before the first walk."
     )

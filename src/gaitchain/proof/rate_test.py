@@ -176,7 +176,8 @@ def rate_interval(
         bets = _within(_MORE, rate, longest)
         return _wealth(np.log1p(np.outer(bets, off)) @ counts, _MORE_LOG) < need
 
-    return _first_rate(not_oftener) if fell.any() else 0.0, _first_rate(rarer)
+    low = _first_rate(not_oftener)[0] if fell.any() else 0.0
+    return low, _first_rate(rarer)[1]
 
 
 def _check(name: str, value: float) -> None:
@@ -194,10 +195,10 @@ def _wealth(logs: Array, parts: Array) -> float:
     return float(np.logaddexp.reduce(logs + parts))
 
 
-def _first_rate(holds: Callable[[float], bool]) -> float:
-    """Return the least rate for which holds what holds for all larger ones."""
+def _first_rate(holds: Callable[[float], bool]) -> tuple[float, float]:
+    """Return rates between which the least is for which holds what then holds on."""
     low, high = 0.0, 1.0
     for _ in range(_FINE):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if holds(middle) else (middle, high)
-    return high
+    return low, high
