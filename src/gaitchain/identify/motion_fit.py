@@ -15,7 +15,6 @@ from gaitchain.identify.log import Measured, MotionLog
 from gaitchain.identify.parameters import Parameters
 from gaitchain.identify.rounds import Rounds
 from gaitchain.identify.sensor_rows import (
-    BLOCK,
     columns,
     spread,
     unbiased,
@@ -28,8 +27,6 @@ from gaitchain.robot.robot import Robot
 NOISE = 1.5
 """Likeness of each joint's residuals, see `spread`, with which a climb ends: that of
 the true numbers is up to 1.4."""
-EXPLAINED = 0.5 * (BLOCK + 1)
-"""Most likeness of a joint's residuals, see `spread`, that are noise, mostly."""
 _FALLEN = 1.0  # residual of a row that the replay did not reach; no joint's else [rad]
 
 Columns = NDArray[np.int64]
@@ -96,14 +93,14 @@ class MotionFit(ABC):
             LogError: every replay of a robot that stands falls.
         """
 
-    def explains(self, vector: Array) -> bool:
-        """Return whether a replay with these numbers misses joints by noise, mostly.
+    def alike(self, vector: Array) -> float:
+        """Return the largest likeness of a joint's residuals, see `spread`.
 
         Args:
-            vector: the numbers, in believed deviations.
+            vector: numbers of a replay, in believed deviations.
         """
         (table,) = self._missed_with([vector])
-        return self._likeness(table) < EXPLAINED
+        return self._likeness(table)
 
     def missed(self, robot: Robot, lean: Array) -> Array:
         """Return what a replay misses, (N, 2 n + 6); NaN where nothing was measured."""

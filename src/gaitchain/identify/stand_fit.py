@@ -18,13 +18,17 @@ from gaitchain.identify.certainty import ALIKE, posterior_covariance
 from gaitchain.identify.chord import GaussianPrior, follow, slopes
 from gaitchain.identify.joint_search import Group, JointSearch, Searched
 from gaitchain.identify.log import Measured
-from gaitchain.identify.motion_fit import Belief, MotionFit
+from gaitchain.identify.motion_fit import NOISE, Belief, MotionFit
 from gaitchain.identify.parameters import OF_SERVOS, OF_STAND
 from gaitchain.identify.rounds import Rounds
+from gaitchain.identify.sensor_rows import BLOCK
 from gaitchain.messages import Array
 
 SMOOTH = 3
 """Times that smooth slopes are taken, at most."""
+EXPLAINED = 0.5 * (BLOCK + 1)
+"""Most likeness of a joint's residuals, see `spread`, with which they have led to where
+residuals are noise, mostly."""
 CLIMBS, CROWD = 40, 16
 """Generations of the climb from there, and replays in each."""
 REPLAYS = 96
@@ -76,11 +80,13 @@ class StandFit(MotionFit):
         least, most = self._parameters.least, self._parameters.most
         precision = np.asarray(np.linalg.inv(belief.covariance))
         prior = GaussianPrior(belief.mean, precision, least, most)
+        alike = np.inf
         for _ in range(SMOOTH):
             found = rounds.run(partial(self._followed, found, belief, prior), Array)
-            if self.explains(found):
-                return found
-        return self._climbed_from(found, belief, rounds)
+            alike = self.alike(found)
+            if alike < EXPLAINED:
+                break
+        return found if alike < NOISE else self._climbed_from(found, belief, rounds)
 
     def _followed(self, start: Array, belief: Belief, prior: GaussianPrior) -> Array:
         """Return where smooth slopes at the start lead."""
