@@ -17,11 +17,11 @@ from gaitchain.identify import hung_fit, stand_fit
 from gaitchain.identify.fit import Fit, fit_logs
 from gaitchain.identify.hung_fit import HungFit
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog, load_log, save_log
-from gaitchain.identify.motion_fit import Belief
+from gaitchain.identify.motion_fit import NOISE, Belief
 from gaitchain.identify.parameters import OF_ZEROS, Parameters
 from gaitchain.identify.sensor_rows import rms, weights_of
 from gaitchain.identify.simulated import exercise_hidden, replay
-from gaitchain.identify.stand_fit import StandFit
+from gaitchain.identify.stand_fit import EXPLAINED, StandFit
 from gaitchain.live import exercise as exercises
 from gaitchain.live.exercise import Motion, exercise
 from gaitchain.messages import CONTROL_PERIOD_S
@@ -247,18 +247,18 @@ def test_the_damping_of_servos_that_have_none_stays_unknown(monkeypatch):
     assert any(n.told for n in found.numbers if n.parameter.name == "gain")
 
 
-def test_numbers_explain_a_log_that_leave_noise_alone(swung):
-    """Those that made it do; a degree more of play of one joint does not."""
+def test_what_the_right_numbers_leave_is_noise(swung):
+    """And with a degree more of play of one joint it is not."""
     parameters = Parameters(RES.legs.joint_names)
     right = np.zeros(len(parameters.all))
     found, lean = parameters.read(right)
     motion = swung.parts[0].motion
     seen = replay(RES.as_identified(found), motion, lean, World(noise=1.0))
     fitted = HungFit(RES, MotionLog(motion, seen), parameters, 1)
-    assert fitted.explains(right)
+    assert fitted.alike(right) < NOISE
     wrong = right.copy()
     wrong[parameters.places("backlash_deg")[2]] += 2.0
-    assert not fitted.explains(wrong)
+    assert fitted.alike(wrong) > EXPLAINED
 
 
 def test_joints_of_one_make_are_believed_to_be_alike():
