@@ -8,8 +8,9 @@ from mcap.writer import Writer
 from standing_record import record as by_hand
 
 from gaitchain.analysis.record_file import load_record, save_record
+from gaitchain.cli.files import check_replaced
 from gaitchain.cli.libraries import shipped_library
-from gaitchain.errors import GaitchainError
+from gaitchain.errors import CommandError, GaitchainError
 from gaitchain.gait.file_kind import kind_of
 from gaitchain.gait.get_up import GetUp, TimedPose, Way, save_get_up
 from gaitchain.gait.library_file import load_library
@@ -50,10 +51,20 @@ def test_a_file_of_another_kind_is_told_as_what_it_is(files, wanted):
 
 
 @pytest.mark.parametrize("wanted", READERS)
-def test_what_a_file_is_can_be_asked_without_reading_it(files, wanted, tmp_path):
+def test_a_file_is_replaced_by_one_of_its_own_kind_alone(files, wanted, tmp_path):
+    other, empty = tmp_path / "notes.txt", tmp_path / "empty"
+    other.write_text("mine", "utf-8")
+    empty.touch()
+    for path in (files[wanted], empty, tmp_path / "new", None):
+        check_replaced(path, "it", wanted)
+    for path in (*(files[kind] for kind in files if kind != wanted), other):
+        with pytest.raises(CommandError, match="; name another file for it"):
+            check_replaced(path, "it", wanted)
+
+
+def test_what_a_file_is_can_be_asked_without_reading_it(files, tmp_path):
     for kind, path in files.items():
         assert kind_of(path) == kind
-        assert kind_of(path, wanted) == (None if kind == wanted else kind)
     damaged = tmp_path / "a"
     for data in (b"", b"{}", b"\xff" * 20, (2).to_bytes(8, "little") + b"[]"):
         damaged.write_bytes(data)
@@ -72,8 +83,9 @@ def test_logs_and_ways_up_are_known_by_how_they_begin(kind, tmp_path):
     save_get_up(GetUp("toy", "0", ("a",), (0.0,), {"front": way}), ways)
     path = {"the log of a run": log, "a file of ways up": ways}[kind]
     assert kind_of(path) == kind
-    assert kind_of(path, "a gait library") == kind
-    assert kind_of(path, kind) is None
+    check_replaced(path, "it", kind)
+    with pytest.raises(CommandError, match=f"{kind}; name another file for it"):
+        check_replaced(path, "it", "a gait library")
 
 
 def test_other_json_may_be_replaced(tmp_path):
