@@ -192,6 +192,8 @@ def test_what_was_said_of_a_short_silence_ends_with_it(visit, server, see):
     see(page.locator("#mode")).to_have_text("Standing")
     page.clock.pause_at(page.evaluate("1e-3 * Date.now() + 0.1"))  # notices stay 8 s
     server.silent = True
+    server.send_raw('{"type":"error","detail":"after the last frame"}')
+    see(page.locator("#notice")).to_have_text("after the last frame")
     page.clock.run_for(1100)
     server.send_raw('{"type":"error","detail":"the loop is silent"}')
     see(page.locator("#notice")).to_have_text("the loop is silent")

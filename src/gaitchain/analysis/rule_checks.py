@@ -196,11 +196,11 @@ def _joint_rules(walk: JudgedWalk) -> tuple[_JointRule, ...]:
 def _touch_downs(walk: JudgedWalk) -> Iterator[Finding]:
     before = ""
     for name, begin, end in support_stays(walk.record.support):
-        if any(begin <= row <= end for row in walk.gaps):
-            pass  # when it began, or ended, is lost
-        elif name in {"ls", "rs"}:
+        # Of one beside lost rows it is not known when it began, or ended.
+        whole = not any(begin <= row <= end for row in walk.gaps)
+        if whole and name in {"ls", "rs"}:
             yield from _early(walk, begin, end, 1 if name == "ls" else 0)
-        elif before in {"ls", "rs"}:
+        elif whole and before in {"ls", "rs"}:
             yield from _late(walk, begin, end, 1 if before == "ls" else 0)
         before = name
 

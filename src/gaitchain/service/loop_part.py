@@ -130,7 +130,8 @@ def _walker_for(robot: OpenedRobot, library: GaitLibrary, settings: Settings) ->
         if not robot.emulated:
             raise CommandError(_without_imu(settings))
         if settings.calibration is not None:  # a rehearsal, which has to say so
-            _say(f"servos that are real would be refused: {_without_imu(settings)}")
+            refused = f"servos that are real would be refused: {_without_imu(settings)}"
+            print(f"gaitchain: {refused}", file=sys.stderr, flush=True)
     walker = Walker(
         library,
         feedback=feedback and backend.has_imu,
@@ -138,10 +139,6 @@ def _walker_for(robot: OpenedRobot, library: GaitLibrary, settings: Settings) ->
     )
     walker.keep_odometry()
     return walker
-
-
-def _say(what: str) -> None:
-    print(f"gaitchain: {what}", file=sys.stderr, flush=True)
 
 
 def _without_imu(settings: Settings) -> str:

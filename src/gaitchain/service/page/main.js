@@ -112,7 +112,8 @@ const driver = new Driver(
   link, wheel, notice, named("drive wheel-state take let-go share share-out"),
 );
 
-let silence = false; // whether the notice tells of one
+const UNHEARD = 1000; // ms
+let silence = false; // as the notice tells
 
 link.addEventListener("state", ({ detail: { name, text } }) => {
   status.connection(name, text);
@@ -127,7 +128,7 @@ link.addEventListener("state", ({ detail: { name, text } }) => {
   }
 });
 link.addEventListener("fault", (event) => {
-  silence = link.unheard >= 1000;
+  silence = link.unheard >= UNHEARD;
   notice(event.detail);
   wheel.goal = null; // it may have been refused
 });

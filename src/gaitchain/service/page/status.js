@@ -94,7 +94,7 @@ export class Status {
   #link(link) {
     const { page } = this;
     const share = link.sent > 0 ? link.lost / link.sent : 0;
-    const lost = link.sent ? `${fixed(link.lost, 0)} of ${fixed(link.sent, 0)} lost` : "none";
+    const lost = link.sent ? `${fixed(link.lost, 0)} of ${fixed(link.sent, 0)} lost` : "none lost";
     say(page.robotLink, link.note || lost);
     page.linkFact.dataset.level = link.note || share > 0.01 ? "warn" : "good";
   }
