@@ -186,11 +186,9 @@ def test_what_was_heard_last_is_not_shown_as_news(visit, server, see):
 
 def test_what_was_said_of_a_short_silence_ends_with_it(visit, server, see):
     """One that the page itself did not call a silence yet."""
-    page = visit(**DESK)
-    page.clock.install()
-    page.reload()
+    page = visit(prepare=lambda context: context.clock.install(), **DESK)
     see(page.locator("#mode")).to_have_text("Standing")
-    page.clock.pause_at(page.evaluate("1e-3 * Date.now() + 0.1"))  # notices stay 8 s
+    page.clock.pause_at(page.evaluate("1e-3 * Date.now() + 2.0"))  # notices stay 8 s
     server.silent = True
     server.send_raw('{"type":"error","detail":"after the last frame"}')
     see(page.locator("#notice")).to_have_text("after the last frame")
