@@ -154,11 +154,15 @@ def test_a_robot_that_stands_tells_zeros_and_its_com_by_smooth_slopes(
 
 @pytest.mark.slow
 def test_a_climb_goes_on_where_slopes_end(gentle_sway, monkeypatch):
-    """To zeros within what they leave, of servos that have half a degree of play."""
-    monkeypatch.setattr(stand_fit, "CLIMBS", 20)
+    """To zeros within what they leave, of servos that have half a degree of play.
+
+    Last digits decide which way it takes. From eight starts that differ by 1e-9 zeros
+    end between 0.12 and 0.52 of where they began, 0.32 +- 0.12; what replays miss, at
+    0.29 to 0.31 each time.
+    """
     monkeypatch.setattr(stand_fit, "SMOOTH", 0)
     parameters = Parameters(RES.legs.joint_names)
-    sd, rng = np.full(len(parameters.all), 0.02), np.random.default_rng(2)
+    sd, rng = np.full(len(parameters.all), 0.02), np.random.default_rng(4)
     of_stand = parameters.places("offset", "tilt", "com", "trunk_mass")
     sd[of_stand] = 1.0
     true = parameters.without(np.zeros(len(sd)), "dry_friction", "stiction")
@@ -172,10 +176,10 @@ def test_a_climb_goes_on_where_slopes_end(gentle_sway, monkeypatch):
     found = motion.fit(Belief(far, around.covariance), rng, lambda: None)[0]
     zeros = parameters.places("offset")
     began, ends = (np.linalg.norm((at - true)[zeros]) for at in (far, found))
-    assert ends < 0.6 * began
+    assert ends < 0.8 * began
     robots = [RES.as_identified(parameters.read(at)[0]) for at in (far, found)]
     began, ends = (np.std(motion.missed(robot, LEAN)[:, :12]) for robot in robots)
-    assert ends < 0.6 * began
+    assert ends < 0.4 * began
     np.testing.assert_array_equal(np.delete(found - far, of_stand), 0.0)
 
 

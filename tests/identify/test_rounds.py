@@ -53,7 +53,7 @@ def test_an_interrupted_fit_ends_as_one_that_was_not(tmp_path, monkeypatch, supp
     for module in hung_fit, stand_fit:
         for name in few.keys() & vars(module).keys():
             monkeypatch.setattr(module, name, few[name])
-    (targets,) = (m.targets[200:600] for m in exercise(RES) if m.support == support)
+    (targets,) = (m.targets[300:400] for m in exercise(RES) if m.support == support)
     softer = replace(Identified.of_file(12), gain=np.full(12, 0.8))
     (part,) = log_of(Motion(support, targets), softer).parts
     parameters = Parameters(RES.legs.joint_names)
