@@ -128,6 +128,7 @@ def test_a_robot_that_stands_tells_zeros_and_its_com_by_smooth_slopes(
     In four seconds it does not tell how high the CoM is.
     """
     monkeypatch.setattr(stand_fit, "SMOOTH", 1)
+    monkeypatch.setattr(stand_fit, "CLIMBS", 0)
     monkeypatch.setattr(StandFit, "rough", 1.0)
     parameters = Parameters(RES.legs.joint_names)
     sd = np.full(len(parameters.all), 0.02)
@@ -138,6 +139,7 @@ def test_a_robot_that_stands_tells_zeros_and_its_com_by_smooth_slopes(
     right = parameters.read(true)[0]
     motion = StandFit(RES, log_of(gentle_sway, right).parts[0], parameters, 1)
     belief = Belief(np.where(sd < 1.0, true, 0.0), np.diag(sd**2))
+    monkeypatch.setattr(motion, "certainty", lambda found, belief: belief.covariance)
     found = motion.fit(belief, np.random.default_rng(0), lambda: None)[0]
     one, began = parameters.read(found)[0], parameters.read(belief.mean)[0]
     np.testing.assert_allclose(one.com[:2], right.com[:2], atol=0.004)
