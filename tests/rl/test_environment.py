@@ -1,6 +1,8 @@
 """The walk as a Gymnasium environment, and the expert that walks it."""
 
+import copy
 import math
+import pickle
 import subprocess
 import sys
 import warnings
@@ -347,6 +349,15 @@ def test_steps_that_cannot_be_are_refused():
         env.reset(options={"speed": 1.0})
     with pytest.raises(CommandError, match="need 47 numbers"):
         Expert().act(np.zeros(5, np.float32))
+
+
+def test_an_episode_is_not_copied_and_an_environment_is():
+    env = WalkEnv(random_world=False)
+    other = pickle.loads(pickle.dumps(env))
+    np.testing.assert_array_equal(env.reset(seed=3)[0], other.reset(seed=3)[0])
+    for copied in pickle.dumps, copy.deepcopy:
+        with pytest.raises(CommandError, match="make another one of the same robot"):
+            copied(env)
 
 
 def test_vectorised():

@@ -1,6 +1,8 @@
 """The walker on a library of strides: bad sensors, commands, standing, repeats."""
 
+import copy
 import math
+import pickle
 from dataclasses import replace
 from itertools import pairwise
 
@@ -12,6 +14,7 @@ from hypothesis import strategies as st
 from gaitchain.analysis.simulated_walk import run_schedule
 from gaitchain.backends.mock import MockBackend
 from gaitchain.backends.mujoco import MujocoBackend
+from gaitchain.balance import compiled
 from gaitchain.errors import CommandError, LibraryError
 from gaitchain.gait.qualification import Qualification
 from gaitchain.gait.schedule import Segment
@@ -568,3 +571,28 @@ def test_the_record_of_a_walk_has_its_plan(brisk):
     assert np.isnan(record.planned_zmp[standing]).all()
     assert np.isfinite(record.planned_zmp[~standing]).all()
     assert record.fell_at_s is None
+
+
+@pytest.mark.parametrize(
+    "copied", [copy.deepcopy, lambda walker: pickle.loads(pickle.dumps(walker))]
+)
+def test_a_copy_walks_on_alike_and_by_itself(brisk, copied):
+    """Sensors are those of the one that walks; nothing is compiled for the other."""
+    walker, backend = physical(brisk)
+    walker.command(Command(0.1))
+    drive(walker, backend, 120)
+    other = copied(walker)
+    known = [len(function.signatures) for function in compiled._functions]
+    for _ in range(150):
+        sensors = backend.read()
+        position = walker.step(sensors).position
+        np.testing.assert_array_equal(other.step(sensors).position, position)
+        backend.write(position)
+    drive(walker, backend, 20)
+    assert walker.place != other.place, "it walks on alone"
+    twin, sensors = copied(other), backend.read()
+    for one in twin, other:
+        one.reset()
+    position = twin.step(sensors).position
+    np.testing.assert_array_equal(other.step(sensors).position, position)
+    assert known == [len(function.signatures) for function in compiled._functions]

@@ -106,6 +106,17 @@ class MujocoBackend(SimulatorTruth, SimulatedMotors):
         self._hoist_views()
         self._outside = OutsideForces(robot, self, self.world)
 
+    def __getstate__(self) -> None:
+        """Refuse a copy: views of its arrays would stay with this simulator.
+
+        Raises:
+            CommandError: always.
+        """
+        raise CommandError(
+            "a simulated robot cannot be copied or pickled: make another one of the "
+            "same robot and world, and give it the same targets, to have the same walk"
+        )
+
     def _hoist_views(self) -> None:
         """Keep views of the arrays that every control period reads or writes."""
         data = self.data

@@ -89,6 +89,10 @@ class Legs(NamedTuple):
     """The same as `zmp_front` where two feet share the weight."""
     stand_rear: float
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how a copy is made: with arrays that are read-only as these are."""
+        return _ordered, tuple(self)
+
 
 class Posture(NamedTuple):
     """Where the parts of both legs are, in the pelvis frame."""
@@ -147,7 +151,7 @@ def legs_of(robot: Robot) -> Legs:
         stand_front=min(front, 2.0 * along),
         stand_rear=max(rear, -2.0 * along),
     )
-    return legs._replace(**{n: _in_order(v) for n, v in legs._asdict().items()})
+    return _ordered(*legs)
 
 
 def _taper(soles: Soles, middle: float) -> float:
@@ -217,6 +221,10 @@ def ankle_joints(legs: Legs | LegModel, turned: int) -> list[int]:
     """
     below = range(legs.knee + 1, legs.axis.shape[1])
     return [j for j in below if abs(legs.axis[0, j, turned]) > MOSTLY]
+
+
+def _ordered(*numbers: Any) -> Legs:
+    return Legs(*map(_in_order, numbers))
 
 
 def _in_order(value: Any) -> Any:

@@ -67,6 +67,8 @@ def _record_type(kind: type) -> np.dtype[Any]:
     return np.dtype(fields)
 
 
+_PLACE = "_place_of_"  # in the row: so attributes that remember one begin
+
 # One type for all rows: Numba knows it again by its identity.
 _ROW = np.dtype((np.record, _record_type(Walk)))
 
@@ -133,11 +135,25 @@ def _reader(kind: Any) -> Callable[[Any], Any]:
     return read
 
 
-def part(*path: str) -> Any:
-    """Return a property for a part of the row that an object has as its `numbers`.
+class OfRow:
+    """What has a row as its `numbers`, one array as long as it lives.
 
-    Reading returns a copy, a named tuple or a number; assigning writes to the row. An
-    object keeps one array as its `numbers` as long as it lives.
+    A deep copy, or one from a pickle, has a row of its own.
+    """
+
+    numbers: Row
+    """(1,) all numbers of the walk."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy is made of; it finds the places in its own row itself."""
+        own = self.__dict__.items()
+        return {name: value for name, value in own if not name.startswith(_PLACE)}
+
+
+def part(*path: str) -> Any:
+    """Return a property for a part of the row that an `OfRow` has as its `numbers`.
+
+    Reading returns a copy, a named tuple or a number; assigning writes to the row.
 
     Args:
         path: the names that lead to the part, as "state", "phase".
@@ -145,7 +161,7 @@ def part(*path: str) -> Any:
     kind: Any = Walk
     for name in path:
         kind = get_type_hints(kind)[name]
-    slot = "_place_of_" + "_".join(path)
+    slot = _PLACE + "_".join(path)
     read = _reader(kind) if _is_tuple(kind) else None
 
     def find(owner: Any) -> Row:

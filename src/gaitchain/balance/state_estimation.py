@@ -9,7 +9,7 @@ from gaitchain.balance.com_estimator import weigh_offset
 from gaitchain.balance.compiled import compiled
 from gaitchain.balance.gains import Gains
 from gaitchain.balance.leg_kinematics import Legs
-from gaitchain.balance.packed_state import Row, part, put
+from gaitchain.balance.packed_state import OfRow, Row, part, put
 from gaitchain.balance.rotations import rotation
 from gaitchain.balance.state import (
     SETTLE,
@@ -36,7 +36,7 @@ def turn_trunk(numbers: Row, gyro: Array, bias: Array) -> None:
     put(walk.attitude, turn_attitude(walk.attitude, gyro - bias, walk.times.period))
 
 
-class StateEstimator:
+class StateEstimator(OfRow):
     """Estimate attitude and CoM offset: learned in a stand, used while walking."""
 
     _attitude: Attitude = part("attitude")

@@ -14,7 +14,7 @@ from gaitchain.balance.control_step import control_step
 from gaitchain.balance.feedforward import Effort
 from gaitchain.balance.gains import Gains, open_loop
 from gaitchain.balance.leg_kinematics import Legs
-from gaitchain.balance.packed_state import Row, new_row, part
+from gaitchain.balance.packed_state import OfRow, Row, new_row, part
 from gaitchain.balance.reference_pose import standing_joints
 from gaitchain.balance.standing import (
     memory_at_rest,
@@ -63,7 +63,7 @@ class Snapshot(NamedTuple):
     memory: Memory
 
 
-class WalkController:
+class WalkController(OfRow):
     """The state of a walk, and what moves it on.
 
     `drive` is a control period in one call. Its parts, for callers that act in between:
@@ -105,7 +105,6 @@ class WalkController:
         self.legs, self.times, self.feedback = legs, times, feedback
         self.gains = gains if feedback else open_loop(gains)
         self.numbers = new_row(self.gains, times)
-        """(1,) all numbers of the walk."""
         self._estimator = StateEstimator(legs, self.gains, times, self.numbers)
         self.reset()
         self._stand_targets = self._bearing()
