@@ -477,6 +477,24 @@ def test_only_the_last_minute_before_a_fall_is_kept():
     assert before_fall([]) == ()
 
 
+def limp_for(seconds, since_s):
+    """A second between two rows."""
+    return [told(RES, since_s + i, mode=Mode.OFF) for i in range(seconds)]
+
+
+def test_of_a_robot_that_was_limp_at_last_the_last_minute_with_torque_is_kept():
+    walk = [told(RES, float(i), mode=Mode.WALKING) for i in range(100)]
+    off = limp_for(500, 100.0)
+    kept = before_fall([*walk, *off])
+    assert kept == (*walk[99 - round(LONGEST_S) :], *off[: round(LONGEST_S)])
+    assert record_of(RES, kept).time_s[-1] == 99.0 - kept[0].time_s
+    # Also where the loop began again, and the robot was limp since.
+    assert before_fall([*walk, *off, *limp_for(20, 0.0)]) == kept
+    assert before_fall(off) == tuple(off[-round(LONGEST_S) - 1 :])
+    fallen = told(RES, 600.0, **FALLEN)
+    assert before_fall([*walk, *off, fallen]) == (fallen,)
+
+
 def test_a_run_up_ends_at_the_fall_before_and_where_the_loop_began_again():
     stop = [told(RES, t, **FALLEN) for t in (3.0, 4.0, 9.0)]
     early = [told(RES, 0.1 * i) for i in range(30)]

@@ -25,6 +25,32 @@ _OF_SWING = ("sway", "outward")
 _OF_MOVE = ("hip_x", "hip_height", "turn")
 
 
+class _Rows:
+    """What led up to now: at most the last minute, up to where torque went."""
+
+    def __init__(self) -> None:
+        self.kept: deque[Telemetry] = deque()
+        self.powered = False
+        """Whether the robot had torque in any of them."""
+        self._powered_s = -math.inf
+
+    def follows(self, t: Telemetry) -> bool:
+        """Whether a row comes after these in the same run of the loop."""
+        return not self.kept or t.time_s > self.kept[-1].time_s
+
+    def take(self, t: Telemetry) -> None:
+        """Take a row; one that was limp for long tells nothing, if it is no fall."""
+        if t.mode not in _NOT_JUDGED:
+            self.powered, self._powered_s = True, t.time_s
+        limp_s = t.time_s - self._powered_s
+        if self.powered and limp_s > LONGEST_S and not t.fell:
+            return
+        self.kept.append(t)
+        until_s = self._powered_s if self.powered and not t.fell else t.time_s
+        while self.kept[0].time_s < until_s - LONGEST_S:
+            self.kept.popleft()
+
+
 def before_fall(
     telemetries: Iterable[Telemetry], number: int | None = None
 ) -> tuple[Telemetry, ...]:
@@ -38,32 +64,32 @@ def before_fall(
         number: of the fall, 1 for the first; the last one by default.
 
     Returns:
-        The rows, the last one that of the fall; the log's last minute if the robot
-        never fell.
+        The rows, the last one that of the fall. If the robot never fell, the last
+        minute in which it had torque, and up to another one that it was limp.
 
     Raises:
         CommandError: there is no fall of this number.
     """
-    kept: deque[Telemetry] = deque()
-    found: tuple[Telemetry, ...] = ()
+    rows, found = _Rows(), None
     falls, down = 0, False
     for t in telemetries:
         was_down, down = down, t.down
         if was_down and down:
             continue
-        if kept and (was_down or not t.time_s > kept[-1].time_s):
-            kept.clear()
-        kept.append(t)
-        while kept[0].time_s < t.time_s - LONGEST_S:
-            kept.popleft()
+        if was_down or not rows.follows(t):
+            found = rows if rows.powered and not falls else found
+            rows = _Rows()
+        rows.take(t)
         if t.fell:
-            falls, found = falls + 1, tuple(kept)
+            falls, found = falls + 1, rows
             if falls == number:
-                return found
-    if number is not None:
+                break
+    if number is not None and falls != number:
         often = {0: "no fall", 1: "one fall"}.get(falls, f"{falls} falls")
         raise CommandError(f"--fall {number}: the log has {often}")
-    return found or tuple(kept)
+    if found is None or (rows.powered and not falls):
+        found = rows
+    return tuple(found.kept)
 
 
 def record_of(
