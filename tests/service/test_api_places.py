@@ -133,6 +133,41 @@ def test_a_goal_without_a_way_is_refused_but_not_on_the_way(here, monkeypatch):
     assert here.client.put(f"{API}/goal", json=GOAL).status_code == 202
 
 
+def begin_anew(here):
+    before_s = here.loop.time_s
+    here.loop.begin_anew()
+    here.until(lambda: state(here)["time_s"] < before_s)
+
+
+def test_a_goal_that_is_but_repeated_does_not_lead_a_new_loop(here):
+    """Its numbers are of places that are no more."""
+
+    def answer(goal=GOAL):
+        return here.client.put(f"{API}/goal", json=goal)
+
+    here.until(lambda: state(here)["time_s"] > 0.1)
+    assert answer().status_code == 202
+    begin_anew(here)
+    for _ in range(3):
+        assert answer().status_code == 409
+    assert "the loop began anew since this was asked for" in answer().json()["detail"]
+    assert answer({**GOAL, "x": 1.4}).status_code == 202, "another one is meant"
+    begin_anew(here)
+    assert answer({**GOAL, "x": 1.4}).status_code == 409
+    here.client.put(f"{API}/command", json={"vx": 0.0})
+    assert answer({**GOAL, "x": 1.4}).status_code == 202
+
+
+def test_footsteps_that_are_but_repeated_do_not_lead_a_new_loop(here):
+    here.until(lambda: state(here)["time_s"] > 0.1)
+    assert follow(here, landing(left=True, ahead=0.3 * LONGEST)).status_code == 202
+    here.loop.until_asked(FollowSteps)
+    begin_anew(here)
+    again = follow(here, landing(left=True, ahead=0.3 * LONGEST))
+    assert again.status_code == 409
+    assert "the loop began anew" in again.json()["detail"]
+
+
 def test_footsteps_reach_the_loop(here):
     steps = landing(True, LONGEST), landing(False, LONGEST)
     assert follow(here, *steps).status_code == 202

@@ -5,7 +5,7 @@ import threading
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from itertools import count, pairwise
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -80,7 +80,7 @@ class FakeLoop:
         self.silent, self.deaf = threading.Event(), threading.Event()
         if silent:
             self.silent.set()
-        self.time_s = 0.0
+        self.time_s, self._ticks = 0.0, 0
         self._lease = None if shared else DriverLease()
         self._end, self._told = LoopEnd(folder), queue.Queue()
         self._happened = queue.Queue()
@@ -96,6 +96,10 @@ class FakeLoop:
     def happen(self, *events):
         """Put events into the next telemetry."""
         self._happened.put(events)
+
+    def begin_anew(self):
+        """Go on with the time of a loop that has just begun."""
+        self._ticks = 0
 
     def until_asked(self, *kinds):
         """Return the next request of these kinds."""
@@ -119,7 +123,7 @@ class FakeLoop:
 
     def _run(self):
         robot = small_library().robot
-        for tick in count():
+        while True:
             if self._ended.wait(_PERIOD_S):
                 return
             if not self.deaf.is_set():
@@ -132,7 +136,7 @@ class FakeLoop:
                     self._end.publish(told_next)
             if self.silent.is_set():
                 continue
-            self.time_s = tick * _PERIOD_S
+            self.time_s, self._ticks = self._ticks * _PERIOD_S, self._ticks + 1
             driver = "" if self._lease is None else self._lease.driver
             values = {"driver": driver, "events": self._news(), **self.changes}
             self._end.publish(told(robot, self.time_s, **values))

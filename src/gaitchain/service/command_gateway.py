@@ -3,10 +3,12 @@
 from gaitchain.errors import CommandError, ServiceError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.stride.strides import StridePoses
+from gaitchain.live.driver_lease import LEASE_S
 from gaitchain.live.messages import (
     Disturb,
     Drive,
     EmergencyStop,
+    Errand,
     FollowSteps,
     GetUp,
     GoTo,
@@ -36,6 +38,7 @@ from gaitchain.service.schemas import (
     ReplayRequest,
     Steering,
 )
+from gaitchain.service.stale_errands import StaleErrands
 from gaitchain.sim.bodies import ANY_BODY, check_body
 from gaitchain.walker.footsteps import Footstep, check_footsteps
 from gaitchain.walker.place import Place
@@ -108,6 +111,7 @@ class CommandGateway:
         self._looks = Allowance(allowed.footsteps_per_s, allowed.footsteps)
         self._most_looks = allowed.footsteps_per_s
         self._passed: FollowSteps | None = None  # that were found to be possible
+        self._errands = StaleErrands()
 
     def drive(self, driver: str, motion: Motion) -> None:
         """Ask for a motion.
@@ -137,13 +141,29 @@ class CommandGateway:
 
         Raises:
             RefusedError: the library does not measure where the robot is, or has no way
-                there, another one drives, or the loop is silent.
+                there, another one drives, the loop is silent, or it began anew while
+                this was asked for again and again.
         """
-        telemetry = self._check_strides(self._check_wheel(driver))
-        place, going = Place(goal.x, goal.y, goal.yaw), telemetry.going
+        place = Place(goal.x, goal.y, goal.yaw)
+        errand = GoTo(driver, (place,), goal.crouch * self._span.crouch[0])
+        telemetry = self._check_errand(errand)
+        going = telemetry.going
         if going is None or going.goal != place:  # else it is repeated
             self._check_way(telemetry, place)
-        self._send(GoTo(driver, (place,), goal.crouch * self._span.crouch[0]))
+        self._send(errand)
+
+    def _check_errand(self, errand: Errand) -> Telemetry:
+        """Refuse what nobody measures, may ask for, or means as it is now."""
+        stale = self._errands.asks(errand, self._feed.latest)
+        telemetry = self._check_strides(self._check_wheel(errand.driver))
+        if stale:
+            raise RefusedError(
+                409,
+                "the loop began anew since this was asked for, and its places are "
+                f"others now: send a zero command, or nothing for {LEASE_S:g} s, and "
+                "then where it is to go",
+            )
+        return telemetry
 
     def _check_way(self, telemetry: Telemetry, goal: Place) -> None:
         """Refuse a place without a way; the loop looks again, but cannot answer."""
@@ -160,11 +180,12 @@ class CommandGateway:
         Raises:
             RefusedError: the robot does not stand, the chain cannot make one of them,
                 which the message has the number of, too many were asked for, another
-                one drives, or the loop is silent.
+                one drives, the loop is silent, or it began anew while these were asked
+                for again and again.
         """
-        telemetry = self._check_strides(self._check_wheel(driver))
         steps = tuple(Footstep(s.left, s.x, s.y, s.yaw) for s in wanted.steps)
         asked = FollowSteps(driver, steps)
+        telemetry = self._check_errand(asked)
         if asked != self._passed or telemetry.going is None:  # else it is repeated
             self._check_steps(telemetry, steps)
         self._passed = asked
@@ -276,6 +297,7 @@ class CommandGateway:
     def _ask(self, driver: str, command: Command) -> None:
         self._check_driven()
         self._check_wheel(driver)
+        self._errands.forget(driver)
         self._send(Drive(driver, *command.motion, command.crouch))
 
     def _check_driven(self) -> None:
