@@ -599,6 +599,16 @@ def test_a_hung_robot_steps_and_lets_go():
     assert "steps at 0.17 m/s" in verdict.said
 
 
+@pytest.mark.slow
+def test_emulated_servos_step_without_balance_and_that_is_said():
+    """They have no body, and the feedback of some libraries runs away there."""
+    with robot(rate_hz=20.0, late_s=LATE_S) as (bench, _):
+        bench.emulated = True
+        verdict = STAGE["steps"].run(bench)
+    assert verdict.outcome == "go", verdict.said
+    assert "without balance, as emulated servos have no body" in verdict.said
+
+
 def test_a_robot_that_falls_while_it_stands_is_no_go():
     def fall(stage, done, total):
         if done == 20:

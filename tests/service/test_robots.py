@@ -7,6 +7,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from commission_bench import IMU
 from live_robot import library
 from other_robots import resized
 from patience import PATIENCE_S, Deadline
@@ -24,7 +25,8 @@ from gaitchain.backends.servos.search import opened
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.errors import BackendError, CalibrationError, CommandError, LibraryError
 from gaitchain.gait.library_file import save_library
-from gaitchain.live.messages import Mode, Start
+from gaitchain.live.messages import Drive, Mode, Start
+from gaitchain.live.modes import BALANCED
 from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.loop_part import make_loop
 from gaitchain.service.robots import check_backend, kind_of, open_robot
@@ -195,11 +197,7 @@ def test_servos_are_connected_once(tmp_path, monkeypatch):
 
 def test_emulated_servos_rise_from_torque_off_to_a_stand(tmp_path):
     loop, wires = make_loop(asked(backend="dynamixel:emulated"), tmp_path)
-    listener, asker = Listener(tmp_path), Asker(tmp_path)
-    ended = threading.Event()
-    driving = threading.Thread(target=loop.run, args=[ended])
-    driving.start()
-    try:
+    with walked(loop, wires, tmp_path) as (listener, asker):
         assert listener.next(PATIENCE_S).mode is Mode.OFF
         while not asker.ask(Start("me")):
             listener.next(1.0)
@@ -211,9 +209,40 @@ def test_emulated_servos_rise_from_torque_off_to_a_stand(tmp_path):
         assert told.load_unit == "A"
         off = np.array(told.joint_target) - np.array(told.joint_position)
         assert np.degrees(np.abs(off)).max() < 2.0
+
+
+@pytest.mark.slow
+def test_emulated_servos_with_an_imu_walk_the_plan(tmp_path):
+    """Their IMU rustles as one that is not stuck, and there is no body to balance."""
+    path = tmp_path / "robot.toml"
+    save_calibration(msgspec.structs.replace(CALIBRATION, imu=IMU), path)
+    changes = {"calibration": str(path), "rate_hz": 50.0}
+    loop, wires = make_loop(asked(backend="dynamixel:emulated", **changes), tmp_path)
+    assert not loop.modes._walker.gait._walk.feedback
+    with walked(loop, wires, tmp_path) as (listener, asker):
+        while not asker.ask(Start("me")):
+            listener.next(1.0)
+        modes, steps = set(), 0
+        while steps < 2 and not modes & {Mode.SAFE, Mode.STOPPED}:
+            told = listener.next(PATIENCE_S)
+            modes.add(told.mode)
+            steps = told.steps
+            if told.mode in BALANCED and not told.number % 10:
+                asker.ask(Drive("me", 0.1))
+    assert steps == 2, told.reason
+
+
+@contextmanager
+def walked(loop, wires, folder):
+    """Run a loop in a thread of its own; yield both ends of its wires."""
+    listener, asker, ended = Listener(folder), Asker(folder), threading.Event()
+    running = threading.Thread(target=loop.run, args=[ended])
+    running.start()
+    try:
+        yield listener, asker
     finally:
         ended.set()
-        driving.join()
+        running.join()
         for end in (listener, asker, wires):
             end.close()
 

@@ -77,8 +77,6 @@ def robot(
     emulated = ServoBusEmulator.like(truth, stand, clock=clock.now)
     with patient_bus(1.0 / rate_hz, late_s), emulated as bus:
         bus.delay_s = delay_s
-        if 200 in bus.bus.devices:
-            bus.bus.devices[200].noise = 3.0
         bench = Bench(
             library(),
             calibration or truth,

@@ -10,7 +10,6 @@ import msgspec
 
 from gaitchain.backends.servos import Calibration, ServoBusEmulator
 from gaitchain.backends.servos.calibration import ImuCalibration
-from gaitchain.backends.servos.emulator import EmulatedImu
 from gaitchain.cli.console import (
     print_line,
     print_table,
@@ -44,7 +43,6 @@ _EMULATED_IMU = ImuCalibration(
     gyro_scale=math.radians(2000.0) / 2**15,
     accelerometer_scale=2.0 * GRAVITY / 2**15,
 )
-_EMULATED_NOISE = 3.0  # counts
 _HEADS = "stage", "verdict", "found", "what to do"
 
 
@@ -64,6 +62,7 @@ def run(options: Doctor) -> tuple[int, dict[str, Any]]:
         progress() as tell,
     ):
         bench = Bench(library, calibration, port, options.rate, person, tell, screen)
+        bench.emulated = options.port == EMULATED
         found = {stage.name: _UNREACHED for stage in STAGES}
         try:
             _examine(bench, person, options, found)
@@ -175,7 +174,4 @@ def _port(library: GaitLibrary, calibration: Calibration, port: str) -> Iterator
         yield port
         return
     with ServoBusEmulator.standing(calibration, library.robot.legs) as bus:
-        for device in bus.bus.devices.values():
-            if isinstance(device, EmulatedImu):
-                device.noise = _EMULATED_NOISE  # one that never changes counts as stuck
         yield bus.port

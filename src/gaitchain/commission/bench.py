@@ -94,6 +94,8 @@ class Bench:
     clock: Clock = field(default_factory=Clock)
     watchdog_s: float = 0.2
     """Time without packets after which the servos stop by themselves [s]."""
+    emulated: bool = False
+    """Whether the servos have no body, so that there is nothing to balance."""
     not_let_go: str = ""
     """Servos that may hold on after the latest stage."""
     torque: str = _UNKNOWN

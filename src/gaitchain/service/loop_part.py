@@ -132,9 +132,10 @@ def _walker_for(robot: OpenedRobot, library: GaitLibrary, settings: Settings) ->
         if settings.calibration is not None:  # a rehearsal, which has to say so
             refused = f"servos that are real would be refused: {_without_imu(settings)}"
             print(f"gaitchain: {refused}", file=sys.stderr, flush=True)
+    # Emulated servos have no body: balance would answer to what does not move.
     walker = Walker(
         library,
-        feedback=feedback and backend.has_imu,
+        feedback=feedback and backend.has_imu and not robot.emulated,
         period_s=1.0 / settings.rate_hz,
     )
     walker.keep_odometry()

@@ -11,6 +11,7 @@ from gaitchain.messages import GRAVITY, Array
 _OK, _ACCESS = 0, 7  # error codes of protocol 2.0
 _SIZE = 1100  # bytes of the table
 _MOST_INT16 = 2**15 - 1
+_GYRO_NOISE, _ACCELEROMETER_NOISE = 0.003, 0.01  # rad/s and m/s^2, of a usual IMU
 
 
 class EmulatedImu:
@@ -28,8 +29,9 @@ class EmulatedImu:
         """(3,) angular velocity in the trunk's frame [rad/s]."""
         self.acceleration: Array = np.array([0.0, 0.0, GRAVITY])
         """(3,) acceleration with gravity in the trunk's frame [m/s^2]."""
-        self.noise = 0.0
-        """Standard deviation of what it measures [counts]."""
+        self.noise = 1.0
+        """How much it is of a usual IMU's, at least one count; without any it counts as
+        stuck."""
         self._as = calibration
         self._random = np.random.default_rng(calibration.id)
 
@@ -48,14 +50,20 @@ class EmulatedImu:
         memory, mounted = bytearray(_SIZE), self._as
         if block.end > _SIZE:
             return _ACCESS, b""
-        for address, scale, vector in (
-            (mounted.gyro, mounted.gyro_scale, self.angular_velocity),
-            (mounted.accelerometer, mounted.accelerometer_scale, self.acceleration),
+        turning, pulling = mounted.gyro_scale, mounted.accelerometer_scale
+        for address, scale, vector, noise in (
+            (mounted.gyro, turning, self.angular_velocity, _GYRO_NOISE),
+            (mounted.accelerometer, pulling, self.acceleration, _ACCELEROMETER_NOISE),
         ):
-            counts = mounted.turn.T @ vector / scale
-            data = self._packed(counts + self._random.normal(0.0, self.noise, 3))
+            counts = mounted.turn.T @ vector / scale + self._rustle(noise / scale)
+            data = self._packed(counts)
             memory[address : address + len(data)] = data
         return _OK, bytes(memory[block.address : block.end])
+
+    def _rustle(self, counts: float) -> Array:
+        """Draw noise of a standard deviation; below a count nothing would change."""
+        least = 0.0 if self._as.format == "float32" else 1.0
+        return self._random.normal(0.0, self.noise * max(counts, least), 3)
 
     def _packed(self, counts: Array) -> bytes:
         if self._as.format == "float32":
