@@ -149,8 +149,10 @@ def test_a_silent_driver_loses_the_wheel(walking):
 
 def test_emergency_stop_turns_the_torque_off_within_the_same_period(walking):
     writes = walking.robot.writes
+    assert walking.last.support and np.isfinite(walking.last.planned_zmp).all()
     walking.ask(EmergencyStop("a watcher"))
     walking.run(0.01)
+    assert walking.last.support == "" and np.isnan(walking.last.planned_zmp).all()
     assert walking.robot.released_at == writes
     assert walking.mode is Mode.STOPPED
     assert walking.last.reason == "emergency stop by a watcher"

@@ -116,7 +116,7 @@ class Stage:
         }
 
     def _region(self, support: str, feet: Array) -> Any:
-        if not np.isfinite(feet).all():
+        if not support or not np.isfinite(feet).all():
             return ()
         return _nested(planned_region(self._robot, feet, support))
 

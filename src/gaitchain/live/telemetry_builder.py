@@ -6,7 +6,7 @@ from gaitchain.analysis.recorder import planned_support, planned_zmp
 from gaitchain.backends.base import numbers
 from gaitchain.live.event_log import EventLog
 from gaitchain.live.messages import Choice, Pace, Telemetry
-from gaitchain.live.modes import BALANCED, ModeMachine
+from gaitchain.live.modes import BALANCED, UNPLANNED, ModeMachine
 from gaitchain.live.safe_backend import SafeBackend
 from gaitchain.messages import PanelMessage, Sensors
 from gaitchain.walker.generator import Decision
@@ -61,6 +61,7 @@ class TelemetryBuilder:
         if self._mounting is not None:  # who draws it knows the robot of the file
             sensors = self._mounting.sensed(sensors)
             target = self._mounting.angles(target)
+        planned = modes.mode not in UNPLANNED
         simulator, whole = self._backend.simulator, not self._built % self._truth_ticks
         self._built += 1
         return Telemetry(
@@ -85,8 +86,8 @@ class TelemetryBuilder:
             angular_velocity=numbers(sensors.angular_velocity),
             acceleration=numbers(sensors.acceleration),
             estimated_tilt=walker.tilt or _UNKNOWN,
-            planned_zmp=planned_zmp(walker.gait),
-            support=planned_support(walker.gait),
+            planned_zmp=planned_zmp(walker.gait) if planned else _UNKNOWN,
+            support=planned_support(walker.gait) if planned else "",
             steps=walker.gait.steps,
             choice=self._chosen(walker.decision, walker.gait.panel),
             pace=pace,
