@@ -106,6 +106,66 @@ def test_the_best_path_is_the_cheapest_of_all():
     assert model.expected_cost(last[None])[0] == pytest.approx(within)
 
 
+@pytest.mark.parametrize("costs", [None, np.full(200, 0.5), np.full(200, 0.3)])
+def test_among_equally_cheap_paths_the_likeliest_is_the_best(costs):
+    """It was 0, 0, 0 whatever the data, or what rounding made the cheapest."""
+    rng = np.random.default_rng(7)
+    paths = rng.integers([3, 4, 3], size=(200, 3))
+    paths[:80] = [2, 3, 1]
+    model = LayeredChainModel().fit(paths, costs)
+    every = np.stack(np.meshgrid(*map(np.arange, (3, 4, 3))), -1).reshape(-1, 3)
+    scores = model.score_samples(every)
+    assert model.best_path().tolist() == every[np.argmax(scores)].tolist() == [2, 3, 1]
+    within = (every[:, 0] == 0) & (every[:, 2] == 2)
+    likeliest = every[within][np.argmax(scores[within])]
+    assert model.best_path(start=0, end=2).tolist() == likeliest.tolist() != [0, 0, 2]
+
+
+def test_a_cheaper_path_is_better_than_a_likelier_one():
+    """Node 2 of the middle is never worse than 1, and most take 0."""
+    paths = np.array([[0, 0, 0]] * 50 + [[0, 1, 0]] * 5 + [[0, 2, 0]] * 10)
+    costs = np.array([0.2] * 50 + [0.0] * 15)
+    model = LayeredChainModel(shrink=0.0).fit(paths, costs)
+    assert model.expected_cost([[0, 1, 0], [0, 2, 0]]) == pytest.approx([0.0, 0.0])
+    assert np.argmax(model.transmat_[0]) == 0
+    assert model.best_path().tolist() == [0, 2, 0]
+
+
+def test_hyper_parameters_have_names():
+    """As scikit-learn takes them from a constructor."""
+
+    class Free(LayeredChainModel):
+        def __init__(self, layer_sizes=None, *, floor=0.1, **more):
+            super().__init__(layer_sizes, **more)
+            self.floor = floor
+
+    class Many(LayeredChainModel):
+        def __init__(self, *layer_sizes):
+            super().__init__(layer_sizes)
+
+    model = Free((2, 2), prior=3.0)
+    assert model.get_params() == {"layer_sizes": (2, 2), "floor": 0.1}
+    assert repr(model) == "Free(layer_sizes=(2, 2), floor=0.1)"
+    assert model.set_params(floor=0.2).floor == 0.2
+    with pytest.raises(ChainError, match=r"^Many\(\*layer_sizes\): hyper-parameters"):
+        Many(2, 2).get_params()
+
+
+def test_masked_numbers_are_refused_and_an_empty_mask_is_none():
+    paths, costs = np.array([[0, 1], [1, 0]]), np.array([0.1, 0.9])
+    hidden, row = np.ma.masked_equal(costs, 0.9), np.ma.masked_equal(paths[0], 1)
+    for given in (hidden, [0.1, np.ma.masked]):
+        with pytest.raises(ChainError, match=r"^costs y \(some are masked\): need"):
+            LayeredChainModel().fit(paths, given)
+    model = LayeredChainModel()
+    for given in (np.ma.masked_equal(paths, 0), [row, paths[1]]):
+        with pytest.raises(ChainError, match="masked nodes: give all L nodes"):
+            model.fit(given, costs)
+    model.fit(np.ma.asarray(paths), np.ma.asarray(costs))
+    with pytest.raises(ChainError, match="masked nodes: give all L nodes"):
+        model.score(np.ma.masked_equal(paths, 0))
+
+
 def test_the_constructor_only_stores():
     sizes = [0]  # cannot be, as fit says
     model = LayeredChainModel(sizes, prior=-1.0)

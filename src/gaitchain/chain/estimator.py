@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from inspect import signature
+from inspect import Parameter, signature
 from itertools import pairwise
 from numbers import Integral, Real
 from typing import Any, Self
@@ -18,7 +18,7 @@ from gaitchain.chain.layered_chain import (
     check_gaits,
     check_layer_sizes,
 )
-from gaitchain.chain.policy import check_nodes, look_ahead
+from gaitchain.chain.policy import check_nodes, cost_to_go, forbid, look_ahead
 from gaitchain.chain.training import train_batch
 from gaitchain.errors import ChainError, NotFittedError
 
@@ -26,6 +26,7 @@ Seed = int | np.random.Generator | None
 _MOST_NODE = 2**63 - 1  # that an index can be
 _MOST_EDGES = 50_000_000  # of all layers: 400 MB for each number of an edge
 _MOST_DRAWN = 100_000_000
+_SAME_COST = 1e-9  # an edge's, but for the rounding of sums
 
 
 class LayeredChainModel:
@@ -151,6 +152,9 @@ class LayeredChainModel:
     def best_path(self, start: int | None = None, end: int | None = None) -> IntArray:
         """Return the sequence of least expected cost, (L,).
 
+        Of those that cost the same it is the likeliest: after `fit` without costs the
+        most likely of all.
+
         Args:
             start: its first node; by default the best one.
             end: its last node; by default the best one.
@@ -160,11 +164,15 @@ class LayeredChainModel:
             ChainError: a node does not exist.
         """
         self._fitted()
-        starts = np.arange(self.layer_sizes_[0]) if start is None else [start]
-        if end is not None:
-            check_nodes("end", end, self.layer_sizes_[-1])
-        paths = look_ahead(self.edge_costs_, starts, None if end is None else [end])
-        return np.asarray(paths[np.argmin(self.expected_cost(paths))])
+        first, last = self.layer_sizes_[0], self.layer_sizes_[-1]
+        starts = _chosen("start", start, first)
+        ends = np.full(last, np.inf)
+        ends[_chosen("end", end, last)] = 0.0
+        values = cost_to_go(self.edge_costs_, ends)
+        reached = values[0][starts]
+        cheapest = starts[reached <= reached.min() + _SAME_COST]
+        paths = look_ahead(self._unlikely(values), cheapest)
+        return np.asarray(paths[np.argmax(self.score_samples(paths))])
 
     def expected_cost(self, X: ArrayLike) -> FloatArray:
         """Return the expected cost of each sequence, (G,).
@@ -183,8 +191,21 @@ class LayeredChainModel:
         return found
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Return the hyper-parameters; `deep` is for tools that pass it."""
-        return {name: getattr(self, name) for name in signature(type(self)).parameters}
+        """Return the hyper-parameters; `deep` is for tools that pass it.
+
+        Those that the constructor of a subclass takes by ** are not among them.
+
+        Raises:
+            ChainError: it takes some by *, which have no name.
+        """
+        known = signature(type(self)).parameters.values()
+        if many := [p.name for p in known if p.kind is Parameter.VAR_POSITIONAL]:
+            raise ChainError(
+                f"{type(self).__name__}(*{many[0]}): hyper-parameters need names; "
+                "declare each in the constructor"
+            )
+        names = [p.name for p in known if p.kind is not Parameter.VAR_KEYWORD]
+        return {name: getattr(self, name) for name in names}
 
     def set_params(self, **params: Any) -> Self:
         """Set hyper-parameters, and return the model.
@@ -210,6 +231,19 @@ class LayeredChainModel:
     def __repr__(self) -> str:
         given = ", ".join(f"{n}={v!r}" for n, v in self.get_params().items())
         return f"{type(self).__name__}({given})"
+
+    def _unlikely(self, values: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
+        """Return -log of each edge's probability, +inf off the cheapest paths.
+
+        Args:
+            values: the costs to go from all nodes.
+        """
+        layers = zip(self.edge_costs_, values[:-1], values[1:], strict=True)
+        allowed = [
+            costs + there <= here[:, np.newaxis] + _SAME_COST
+            for costs, here, there in layers
+        ]
+        return forbid([-np.log(matrix) for matrix in self.transmat_], allowed)
 
     def _sizes(self, paths: IntArray) -> tuple[int, ...]:
         """Return the nodes of each layer, as given or as the data have them."""
@@ -241,6 +275,8 @@ def _integers(paths: ArrayLike) -> IntArray:
     Raises:
         ChainError: they are something else.
     """
+    if _any_masked(paths):
+        raise ChainError("sequences with masked nodes: give all L nodes of each")
     try:
         given = np.asarray(paths)
     except ValueError:
@@ -265,9 +301,11 @@ def _costs(given: ArrayLike) -> FloatArray:
     """Return costs as numbers; `check_samples` sees to their shape and limits.
 
     Raises:
-        ChainError: they are no numbers.
+        ChainError: they are no numbers, or some are masked.
     """
     try:
+        if _any_masked(given):
+            raise ValueError("some are masked")
         costs = np.asarray(given)
         if costs.dtype.kind in "biufO":  # objects may be numbers, such as fractions
             return costs.astype(np.float64)
@@ -275,6 +313,19 @@ def _costs(given: ArrayLike) -> FloatArray:
     except (TypeError, ValueError, OverflowError) as error:
         why = str(error)
     raise ChainError(f"costs y ({why}): need (G,) numbers from 0 to 1")
+
+
+def _any_masked(given: ArrayLike) -> bool:
+    """Return whether an array, or one of a list, has masked numbers."""
+    arrays = given if isinstance(given, list | tuple) else [given]
+    return any(map(np.ma.is_masked, arrays))
+
+
+def _chosen(name: str, node: int | None, size: int) -> IntArray:
+    """Return the given node of a layer, or all of them, as indices."""
+    if node is None:
+        return np.arange(size)
+    return np.atleast_1d(check_nodes(name, node, size))
 
 
 def _weight(name: str, value: object) -> float:
