@@ -77,3 +77,36 @@ def test_standard_error_without_room_changes_no_exit_code():
     with FULL.open("w") as full:
         done = subprocess.run([*COMMAND, "inspect", "x.gait"], stderr=full, check=False)
     assert done.returncode == 2
+
+
+def started_without(streams, *words):
+    """Run a command whose process has none of these standard streams."""
+    closed = " ".join(f"{number}>&-" for number in streams)
+    shell = ["sh", "-c", f'exec "$@" {closed}', "sh", *COMMAND, *map(str, words)]
+    return subprocess.run(shell, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no shell closes streams there")
+@pytest.mark.parametrize("streams", ["1", "2", "012"])
+def test_a_stream_that_is_missing_leads_nowhere(streams, tmp_path):
+    """Files do not get its number, and what is printed is in none of them."""
+    out = tmp_path / "found.json"
+    done = started_without(streams, "inspect", "res", "--json", out)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert bool(done.stdout) == ("1" not in streams)
+    assert json.loads(out.read_text())["robot"] == "Robo-Erectus Senior"
+    done = started_without(streams, "inspect", "x.gait")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert bool(done.stderr) == ("2" not in streams)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no shell closes streams there")
+@pytest.mark.slow
+@pytest.mark.parametrize("streams", ["1", "2", "012"])
+def test_workers_are_started_without_a_stream(streams, tmp_path):
+    """It ended in a traceback of joblib, with the exit code of a fall."""
+    out = tmp_path / "trial.json"
+    words = ("--runs", 2, "--seconds", 2, "--workers", 2, "--json", out, "--quiet")
+    done = started_without(streams, "trial", "res", *words)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert json.loads(out.read_text())["survived"] == 2

@@ -15,7 +15,7 @@ from gaitchain.cli.endings import (
 )
 from gaitchain.cli.options import verb_of
 from gaitchain.cli.parser import parse
-from gaitchain.cli.streams import say_aside, told_of_lost, written_to
+from gaitchain.cli.streams import open_missing, say_aside, told_of_lost, written_to
 from gaitchain.errors import GaitchainError, needed_by, require
 
 EXIT_OK, EXIT_FELL, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
@@ -49,6 +49,7 @@ _BACKENDS = {"mujoco": "sim", "dask": "dask", "ray": "ray"}
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run one verb and exit: 0 done, 1 fell or not passed, 2 bad input, 130 Ctrl-C."""
+    open_missing()
     code = _ended(sys.argv[1:] if arguments is None else list(arguments))
     ignore_later_ends()
     sys.exit(code)

@@ -5,11 +5,28 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from pathlib import Path
 from typing import TextIO
 
 from gaitchain.errors import CommandError, file_errors
 
 _lost: ContextVar[CommandError | None] = ContextVar("lost", default=None)
+
+
+def open_missing() -> None:
+    """Open /dev/null as each standard stream that this process was started without.
+
+    Others call their methods, and the next file would get the number of the stream: in
+    it would be what this process or one that it starts prints.
+    """
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            # In this order each gets its own number, the least that is free.
+            stream = Path(os.devnull).open(  # noqa: SIM115 - for good
+                mode, encoding="utf-8", errors="backslashreplace"
+            )
+            os.set_inheritable(stream.fileno(), True)
+            setattr(sys, name, stream)
 
 
 @contextmanager
