@@ -11,7 +11,7 @@ from gaitchain.analysis.record_file import load_record, save_record
 from gaitchain.cli.files import check_replaced
 from gaitchain.cli.libraries import shipped_library
 from gaitchain.errors import CommandError, GaitchainError
-from gaitchain.gait.file_kind import kind_of
+from gaitchain.gait.file_kind import INDEX_HEADS, kind_of
 from gaitchain.gait.get_up import GetUp, TimedPose, Way, save_get_up
 from gaitchain.gait.library_file import load_library
 from gaitchain.identify.log import ExerciseLog, Measured, MotionLog, load_log, save_log
@@ -86,6 +86,24 @@ def test_logs_and_ways_up_are_known_by_how_they_begin(kind, tmp_path):
     check_replaced(path, "it", kind)
     with pytest.raises(CommandError, match=f"{kind}; name another file for it"):
         check_replaced(path, "it", "a gait library")
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [
+        ('{"joints": [], "true_period_s": 0.7}', "the polynomials of motions"),
+        (INDEX_HEADS + "\n", "the index of motions"),
+    ],
+)
+def test_exports_are_known_by_how_they_begin(text, kind, tmp_path):
+    path = tmp_path / "a"
+    path.write_text(text, "utf-8")
+    assert kind_of(path) == kind
+    check_replaced(path, "it", kind)
+    with pytest.raises(CommandError, match=f"{kind}; name another file for it"):
+        check_replaced(path, "it")
+    path.write_text(text[:20], "utf-8")
+    assert kind_of(path) is None
 
 
 def test_other_json_may_be_replaced(tmp_path):

@@ -393,6 +393,9 @@ def test_one_cycle_is_enough_for_polynomials(tmp_path):
     [
         ("--to npz --grid 2,1,1", "three odd numbers, such as 5,3,3"),
         ("--to npz -o a.csv", "name it *.npz"),
+        (f"--to npz -o {'a' * 250}.npz", "File name too long; name another file"),
+        ("--to npz -o /proc/a.npz", "/proc/a.npz: cannot be written: No such file"),
+        ("--to csv -o /proc", "csv: cannot be written: No such file"),
         ("--to npz --seconds 0.5", "a cycle takes 0.72, give 0.72 to 600"),
         ("--to open-duck --seconds 0.71", "a cycle takes 0.72, give 0.72 to 600"),
         ("--to open-duck --seconds 0.72 --rate 25", "give 0.73 to 600"),
@@ -407,6 +410,70 @@ def test_what_cannot_be_written_is_refused(words, says, capsys, tmp_path, monkey
     monkeypatch.setattr(export_motions, "record_motions", None)  # nothing is walked
     assert run(["export", "res", *words.split()]) == 2
     assert says in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "there", "says"),
+    [
+        (
+            "open-duck -o a.pkl",
+            "a.json",
+            "a.json: it is there, and not the polynomials of motions that can be read; "
+            "name another file for the motions, as a.json is written beside a.pkl",
+        ),
+        (
+            "csv -o .",
+            "index.csv",
+            "index.csv: it is there, and not the index of motions that can be read; "
+            "name another file for the motions",
+        ),
+        (
+            "csv -o .",
+            "motion_000.csv",
+            "motion_000.csv: it is there, without the index.csv of an export; name "
+            "another folder for the motions",
+        ),
+        (
+            "mjlab -o .",
+            "motion_000.npz",
+            "motion_000.npz: it is there, without the index.csv of an export; name "
+            "another folder for the motions",
+        ),
+    ],
+)
+def test_files_of_somebody_else_stay(words, there, says, capsys, tmp_path, monkeypatch):
+    """They were replaced without a word."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(export_motions, "record_motions", None)  # nothing is walked
+    path = tmp_path / there
+    path.write_text('{"mine": 1}', "utf-8")
+    assert run(["export", "res", "--grid", "1,1,1", "--to", *words.split()]) == 2
+    assert capsys.readouterr().err == f"gaitchain: {says}\n"
+    assert path.read_text("utf-8") == '{"mine": 1}'
+    assert [*tmp_path.iterdir()] == [path]
+
+
+@pytest.mark.parametrize(
+    ("to", "out", "named"),
+    [
+        ("npz", "a.npz", "a.npz"),
+        ("csv", "a", "a"),
+        ("mjlab", "a", "a"),
+        ("open-duck", "a.pkl", "a.pkl and a.json"),
+    ],
+)
+def test_an_earlier_export_is_replaced_and_all_files_are_named(
+    motions, to, out, named, capsys, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(export_motions, "record_motions", lambda *_: iter(motions))
+    words = f"export res --grid 3,1,1 --seconds 1.5 --to {to} -o {out} --json all.json"
+    for _ in range(2):
+        assert run(words.split()) == 0
+        assert f"\n{named}: 3 motions for {to}\n" in capsys.readouterr().out
+    told = json.loads((tmp_path / "all.json").read_text("utf-8"))["files"]
+    found = {p for p in tmp_path.rglob("*") if p.is_file()} - {tmp_path / "all.json"}
+    assert {tmp_path / name for name in told} == found
 
 
 @pytest.mark.parametrize("to", sorted(FORMATS))

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from gaitchain.cli.console import print_table, say
-from gaitchain.cli.files import make_folder
+from gaitchain.cli.files import check_files, make_folder
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Export
 from gaitchain.errors import CommandError, file_errors
@@ -18,6 +18,8 @@ def write_c(options: Export) -> tuple[int, dict[str, Any]]:
     written = export_c(read_library(options.library))
     own = Path("runs/export") / f"{Path(options.library).stem}_c"
     folder = make_folder(options.output or own)
+    named = options.report.json, Path(options.library)
+    check_files((folder / name for name in written), named)
     for name, text in written.items():
         with file_errors(folder / name, "written", CommandError):
             (folder / name).write_text(text, "utf-8")

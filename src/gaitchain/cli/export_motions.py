@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gaitchain.cli.console import print_table, say, watched
-from gaitchain.cli.files import check_replaced, check_writable, make_folder
+from gaitchain.cli.files import check_files, check_replaced
 from gaitchain.cli.libraries import read_library
 from gaitchain.cli.options import Export
 from gaitchain.discover.catalogue import find_robot_file
@@ -31,8 +31,8 @@ def write_motions(options: Export) -> tuple[int, dict[str, Any]]:
     library = read_library(options.library)
     Walker(library)  # refuses an unqualified library before any work
     kind = FORMATS[options.to]
-    to = _place(options, kind.suffix)
     plan = _plan(options, library)
+    to = _place(options, plan)
     walks = record_motions(plan, options.workers)
     motions = list(watched(walks, "walking the commands", len(plan.commands)))
     both = zip(plan.commands, motions, strict=True)
@@ -45,7 +45,8 @@ def write_motions(options: Export) -> tuple[int, dict[str, Any]]:
     if fell:
         say(f"nothing written: {len(fell)} of {_counted(motions)} fell")
     else:
-        say(f"{to}: {_counted(motions)} for {options.to}")
+        named = " and ".join(map(str, written if kind.suffix else [to]))
+        say(f"{named}: {_counted(motions)} for {options.to}")
     return int(bool(fell)), figures
 
 
@@ -72,17 +73,44 @@ def _counted(motions: Sequence[object]) -> str:
     return f"{len(motions)} motion{'s' * (len(motions) != 1)}"
 
 
-def _place(options: Export, suffix: str) -> Path:
-    name = f"{Path(options.library).stem}_{options.to}{suffix}"
+def _place(options: Export, plan: Plan) -> Path:
+    """Return the file or folder of the motions; refuse what they would destroy."""
+    kind = FORMATS[options.to]
+    name = f"{Path(options.library).stem}_{options.to}{kind.suffix}"
     to = options.output or Path("runs/export") / name
-    if not suffix:
-        return make_folder(to)
-    if to.is_dir() or to.suffix != suffix:
-        raise CommandError(f"{to}: --to {options.to} writes a file, name it *{suffix}")
-    make_folder(to.parent)
-    check_writable(to)
-    check_replaced(to, "the motions")
+    if to.suffix != kind.suffix and kind.suffix:
+        raise CommandError(
+            f"{to}: --to {options.to} writes a file, name it *{kind.suffix}"
+        )
+    files = kind.files(plan, to)
+    named = options.report.json, Path(options.library), options.own_model
+    check_files(files, named)
+    if kind.suffix:
+        _check_beside(*files)
+    else:
+        _check_folder(*files)
     return to
+
+
+def _check_beside(to: Path, *others: Path) -> None:
+    """Refuse to replace what is no earlier export, beside a file that was named."""
+    check_replaced(to, "the motions")
+    for path in others:
+        what = f"the motions, as {path.name} is written beside {to.name}"
+        check_replaced(path, what, "the polynomials of motions")
+
+
+def _check_folder(*files: Path) -> None:
+    """Refuse to replace motions of a folder that is of no earlier export."""
+    *motions, index = files
+    check_replaced(index, "the motions", "the index of motions")
+    ours = index.is_file() and index.stat().st_size  # else it has just been refused
+    there = [path for path in motions if path.exists()]
+    if there and not ours:
+        raise CommandError(
+            f"{there[0]}: it is there, without the {index.name} of an export; name "
+            "another folder for the motions"
+        )
 
 
 def _rounded_up(seconds: float) -> float:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from gaitchain.errors import CommandError, file_errors
 from gaitchain.gait.file_kind import Kind, kind_of
-from gaitchain.robot.whole_file import resolved
+from gaitchain.robot.whole_file import resolved, try_replacing
 
 STDOUT = Path("-")
 """What an option says for standard output."""
@@ -19,13 +19,25 @@ def check_writable(path: Path) -> None:
     Raises:
         CommandError: the file cannot be written.
     """
-    make_folder(path.parent)
+    try:
+        _try_writing(path)
+    except OSError as error:
+        raise CommandError(
+            f"{path}: cannot be written: {error.strerror}; name another file"
+        ) from None
+
+
+def _try_writing(path: Path) -> None:
+    """Do all that writing a file begins with, and leave no file of it."""
     if path.is_dir():
         raise CommandError(
             f"{path}: cannot be written, as it is a folder; name a file in it"
         )
-    if not os.access(path if path.exists() else path.parent, os.W_OK):
+    if path.exists() and not os.access(path, os.W_OK):
         raise CommandError(f"{path}: cannot be written; name a file in your own folder")
+    if path.is_file() or not path.exists():  # no pipe, nor /dev/null
+        make_folder(path.parent)
+        try_replacing(path)
 
 
 def check_picture(path: Path) -> None:

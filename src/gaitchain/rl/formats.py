@@ -4,6 +4,7 @@ import json
 import pickle
 import re
 from collections.abc import Callable, Sequence
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gaitchain.errors import CommandError, file_errors
+from gaitchain.gait.file_kind import INDEX_HEADS, kind_of
 from gaitchain.messages import Array
 from gaitchain.rl.cycle import best_degree, fit_polynomials, mean_cycle, mean_period
 from gaitchain.rl.frames import Motion
@@ -18,7 +20,7 @@ from gaitchain.rl.motions import Plan
 from gaitchain.robot.whole_file import replace_file
 
 _OPEN_DUCK_HZ = 50  # its control rate, at which its reader counts the frames
-_INDEX, _INDEX_HEADS = "index.csv", "file,vx [m/s],vy [m/s],yaw_rate [rad/s]"
+_INDEX = "index.csv"
 _NUMBERED = re.compile(r"motion_([0-9]{3}|[1-9][0-9]{3,})")
 
 
@@ -44,16 +46,16 @@ def write_csv(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Path]:
     heads += [f"{joint} [rad/s]" for joint in joints]
     heads += ["left_contact [1]", "right_contact [1]"]
     heads += [f"{joint}_target [rad]" for joint in joints]
-    _remove_earlier(to, ".csv")
+    *paths, index = _in_folder(plan, to, ".csv")
+    _remove_earlier(index, ".csv")
     written = []
-    for number, m in enumerate(motions):
+    for path, m in zip(paths, motions, strict=True):
         columns = m.time, m.phase, m.qpos, m.qvel, m.contact, m.target
         table = np.column_stack(columns)
-        path = to / f"motion_{number:03d}.csv"
         data = BytesIO()
         np.savetxt(data, table, "%.9g", ",", header=",".join(heads), comments="")
         written.append(_write(path, data.getvalue()))
-    return [*written, _write_index(plan, written, to)]
+    return [*written, _write_index(plan, written, index)]
 
 
 def write_mjlab(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Path]:
@@ -62,9 +64,10 @@ def write_mjlab(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Path]:
     It finds bodies and joints by number: mjlab's robot has to have the same ones in the
     same order, as that of the plan's own file has.
     """
-    _remove_earlier(to, ".npz")
+    *paths, index = _in_folder(plan, to, ".npz")
+    _remove_earlier(index, ".npz")
     written = []
-    for number, m in enumerate(motions):
+    for path, m in zip(paths, motions, strict=True):
         arrays = {
             "fps": np.array([float(plan.rate_hz)]),
             "joint_pos": m.qpos[:, 7:],
@@ -77,9 +80,8 @@ def write_mjlab(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Path]:
         single: dict[str, Any] = {
             name: value.astype(np.float32) for name, value in arrays.items()
         }
-        path = to / f"motion_{number:03d}.npz"
         written.append(_save(path, single | _names(plan)))
-    return [*written, _write_index(plan, written, to)]
+    return [*written, _write_index(plan, written, index)]
 
 
 def write_open_duck(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Path]:
@@ -103,8 +105,8 @@ def write_open_duck(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Pat
         for key, cycle in zip(keys, cycles, strict=True)
     }
     walked = (asked.command.motion for asked in plan.commands)
-    _write(to, pickle.dumps(found))
-    beside = to.with_suffix(".json")
+    polynomials, beside = _with_json(plan, to)
+    _write(polynomials, pickle.dumps(found))
     about = {
         "joints": plan.names[0],
         "true_period_s": true_s,
@@ -113,7 +115,7 @@ def write_open_duck(plan: Plan, motions: Sequence[Motion], to: Path) -> list[Pat
         "walked": dict(zip(keys, walked, strict=True)),
         "motions": found,
     }
-    return [to, _write(beside, json.dumps(about).encode())]
+    return [polynomials, _write(beside, json.dumps(about).encode())]
 
 
 def _cycle_frames(cycle_s: float) -> int:
@@ -163,29 +165,38 @@ def _write(path: Path, data: bytes) -> Path:
     return path
 
 
-def _remove_earlier(to: Path, suffix: str) -> None:
+def _remove_earlier(index: Path, suffix: str) -> None:
     """Remove an earlier export's motions, which readers would mix with the new ones.
 
     A folder without the index of an export is somebody else's, and stays as it is.
     """
-    index = to / _INDEX
-    if not index.is_file():
-        return
-    with file_errors(index, "read", CommandError):
-        ours = index.read_text("utf-8", errors="replace").startswith(_INDEX_HEADS)
-    for path in to.glob(f"motion_*{suffix}") if ours else ():
+    ours = index.is_file() and kind_of(index) == "the index of motions"
+    for path in index.parent.glob(f"motion_*{suffix}") if ours else ():
         if _NUMBERED.fullmatch(path.stem) and path.is_file():
             with file_errors(path, "removed", CommandError):
                 path.unlink()
 
 
-def _write_index(plan: Plan, written: Sequence[Path], to: Path) -> Path:
+def _write_index(plan: Plan, written: Sequence[Path], index: Path) -> Path:
     """Write which file has which command."""
-    path = to / _INDEX
-    lines = [_INDEX_HEADS]
+    lines = [INDEX_HEADS]
     for file, asked in zip(written, plan.commands, strict=True):
         lines.append(",".join([file.name, *(f"{v:.6f}" for v in asked.command.motion)]))
-    return _write(path, "\n".join([*lines, ""]).encode())
+    return _write(index, "\n".join([*lines, ""]).encode())
+
+
+def _alone(plan: Plan, to: Path) -> list[Path]:
+    return [to]
+
+
+def _with_json(plan: Plan, to: Path) -> list[Path]:
+    return [to, to.with_suffix(".json")]
+
+
+def _in_folder(plan: Plan, to: Path, suffix: str) -> list[Path]:
+    """Return a file for each command, and the index."""
+    numbers = range(len(plan.commands))
+    return [*(to / f"motion_{number:03d}{suffix}" for number in numbers), to / _INDEX]
 
 
 def _one_cycle(plan: Plan) -> float:
@@ -203,6 +214,8 @@ class Format(NamedTuple):
 
     write: Callable[[Plan, Sequence[Motion], Path], list[Path]]
     """Writes all motions, and returns the files."""
+    files: Callable[[Plan, Path], list[Path]]
+    """Returns the files that it would write; of a folder the index is the last one."""
     suffix: str = ""
     """Of its file; empty for a folder."""
     least: Callable[[Plan], float] = _one_cycle
@@ -210,9 +223,9 @@ class Format(NamedTuple):
 
 
 FORMATS = {
-    "npz": Format(write_npz, ".npz"),
-    "csv": Format(write_csv),
-    "mjlab": Format(write_mjlab),
-    "open-duck": Format(write_open_duck, ".pkl", _all_phases),
+    "npz": Format(write_npz, _alone, ".npz"),
+    "csv": Format(write_csv, partial(_in_folder, suffix=".csv")),
+    "mjlab": Format(write_mjlab, partial(_in_folder, suffix=".npz")),
+    "open-duck": Format(write_open_duck, _with_json, ".pkl", _all_phases),
 }
 """Formats by name."""

@@ -89,10 +89,35 @@ def replace_file(path: Path, data: bytes) -> None:
     if path.exists() and not path.is_file():  # a pipe, /dev/null; a folder fails
         path.write_bytes(data)
         return
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    part = _part_of(path)
     try:
         part.write_bytes(data)
         part.replace(path)
     finally:
         with contextlib.suppress(OSError):
             part.unlink()
+
+
+def try_replacing(path: Path) -> None:
+    """Begin as `replace_file` does, and leave nothing of it.
+
+    Permissions do not tell whether a folder takes a new file: names may be too long,
+    and those of the kernel's own are all taken.
+
+    Args:
+        path: a regular file, or none yet.
+
+    Raises:
+        OSError: it could not be written.
+    """
+    part = _part_of(resolved(path))
+    try:
+        part.touch()
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink()
+
+
+def _part_of(path: Path) -> Path:
+    """Return the file beside another one in which that is written first."""
+    return path.with_name(f".{path.name}.{os.getpid()}.part")
