@@ -28,6 +28,7 @@ from gaitchain.build import push
 from gaitchain.build.jobs import run_jobs
 from gaitchain.build.journal import code_digest
 from gaitchain.cli.console import resumable
+from gaitchain.cli.files import check_writable
 from gaitchain.cli.library_cache import cached_library
 from gaitchain.cli.options import VERBS
 from gaitchain.cli.world_options import check_effects
@@ -388,8 +389,23 @@ BAD = [
     (["build", "res", "--out", "x"], 2, "--out: no option of build; did you mean --ou"),
     (["walk", "--library", "x.gait"], 2, "give the library itself: gaitchain walk FI"),
     (["figures", "--library=x.gait"], 2, "give the library itself: gaitchain figures"),
+    (
+        ["trial", "x.gait", "--own-model", "x.xml", "--servo", "xm430-w350"],
+        2,
+        "--servo is not possible in the robot's own model, whose floor, contacts and "
+        "servos are its file's; possible are --slope,",
+    ),
+    (
+        [
+            *("trial", "x.gait", "--own-model", "x.xml"),
+            *("--servo", "xm430-w350", "--backlash", "0.1"),
+        ],
+        2,
+        "--backlash is not possible in the robot's own model",
+    ),
     (["trial", "nobody"], 2, "one that comes with gaitchain: res"),
     (["inspect", "res", "--json", "/proc/x/a.json"], 2, "/proc/x"),
+    (["inspect", "res", "--json", "/proc/a.json"], 2, "directory; name another file"),
     (["build", "res", "-o", "x.gait", "--step-s", "1e-9"], 2, "must be 0.1 to 30"),
     (["build", "res", "-o", "x.gait", "--search", "-1"], 2, "search is -1, must be"),
     (["build", "res", "-o", "x.gait", "--preset", "fast"], 2, "default, table1, brisk"),
@@ -612,6 +628,10 @@ def test_stiction_is_of_any_dry_friction():
         ("inspect", "toy.xml", "--json", "../{folder}/toy.xml"),
         ("inspect", "res.gait", "--json", "res.gait"),
         ("export", "res.gait", "--to", "npz", "-o", "x.npz", "--json", "x.npz"),
+        ("export", "res", "--to", "open-duck", "-o", "x.pkl", "--json", "x.json"),
+        ("export", "res", "--to", "csv", "-o", ".", "--json", "index.csv"),
+        ("export", "res", "--to", "mjlab", "-o", ".", "--json", "motion_044.npz"),
+        ("export", "res", "--to", "c", "-o", ".", "--json", "gait.c"),
         ("identify", "res", "mine.log", "-o", "x.gait", "--json", "mine.log"),
         ("qualify", "res.gait", "-o", "x.png", "--map", "x.png"),
         ("get-up", "res.gait", "toy.xml", "-o", "toy.xml"),
@@ -633,6 +653,30 @@ def test_no_output_takes_the_place_of_another_file(
     assert code == 2
     assert f"{given[-1]}: named twice" in err
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_a_check_of_an_output_leaves_nothing_of_it(tmp_path):
+    kept, new = tmp_path / "kept", tmp_path / "new"
+    kept.write_text("mine", "utf-8")
+    before = kept.stat()
+    for path in (kept, new, Path(os.devnull)):
+        check_writable(path)
+    assert [*tmp_path.iterdir()] == [kept]
+    assert kept.stat() == before
+    for path in (tmp_path / ("a" * 250), tmp_path / ("a" * 300)):
+        with pytest.raises(CommandError, match="File name too long; name another file"):
+            check_writable(path)
+    assert [*tmp_path.iterdir()] == [kept]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no pipes in folders there")
+def test_a_pipe_is_written_to_and_not_replaced(tmp_path, monkeypatch):
+    """Nor does its folder have to take files, which that of /dev/stdout does not."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    monkeypatch.setattr("gaitchain.cli.files.make_folder", None)
+    check_writable(pipe)
+    assert [*tmp_path.iterdir()] == [pipe]
 
 
 @pytest.mark.parametrize(

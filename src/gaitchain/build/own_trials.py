@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -77,13 +77,7 @@ def run_own_trials(
         CommandError: a disturbance cannot be made there, or the file is not that of the
             library's robot.
     """
-    unknown = [name for name in trial.fixed if name not in KNOWN]
-    if unknown:
-        able = ", ".join(f"--{_option(name)}" for name in KNOWN)
-        raise CommandError(
-            f"--{_option(unknown[0])} is not possible in the robot's own model, whose "
-            f"floor and contacts are its file's; possible are {able}"
-        )
+    check_possible(trial.fixed, _option)
     if trial.library.robot.identified is not None:
         raise CommandError(
             f"{trial.library.robot.name} was identified and is not that of {file} "
@@ -92,6 +86,25 @@ def run_own_trials(
     _backend(trial.library, file, World())
     jobs = [(trial, str(file), (seed, i)) for i in range(runs)]
     return run_jobs(_run, jobs, TrialRun, workers or available_cores())
+
+
+def check_possible(fixed: Iterable[str], option: Callable[[str], str]) -> None:
+    """Refuse disturbances that a robot's own model does not have.
+
+    Args:
+        fixed: fields of a `World`.
+        option: returns the option by which a field was given, without dashes.
+
+    Raises:
+        CommandError: one cannot be made there.
+    """
+    unknown = [name for name in fixed if name not in KNOWN]
+    if unknown:
+        able = ", ".join(f"--{_option(name)}" for name in KNOWN)
+        raise CommandError(
+            f"--{option(unknown[0])} is not possible in the robot's own model, whose "
+            f"floor, contacts and servos are its file's; possible are {able}"
+        )
 
 
 def describe_own_model(file: str | Path, library: GaitLibrary) -> OwnModel:

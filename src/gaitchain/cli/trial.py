@@ -4,12 +4,17 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from gaitchain.build import trial as walks
-from gaitchain.build.own_trials import changes_since_gate, run_own_trials
+from gaitchain.build.own_trials import (
+    changes_since_gate,
+    check_possible,
+    run_own_trials,
+)
 from gaitchain.build.trial import TrialRun
 from gaitchain.cli.console import print_table, say, watched
 from gaitchain.cli.libraries import read_library
@@ -19,6 +24,7 @@ from gaitchain.cli.world_options import (
     check_crouch,
     check_effects,
     check_pushes,
+    given_by,
     read_schedule,
     wants_feedback,
     world_json,
@@ -29,7 +35,7 @@ from gaitchain.errors import CommandError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.gait.schedule import Schedule, ends_at
 from gaitchain.sim.hidden_robot import draw_hidden_robot
-from gaitchain.sim.world import DISTURBANCES, World
+from gaitchain.sim.world import World
 from gaitchain.walker.walker import Walker
 
 _RANDOM = "random"
@@ -41,6 +47,7 @@ def run(options: Trial) -> tuple[int, dict[str, Any]]:
     fixed = world_numbers(options.world, options.push, options.punches)
     hidden = _hidden(options, fixed)
     if options.own_model is not None:
+        check_possible(fixed, partial(given_by, options=options.world))
         find_robot_file(options.own_model)  # tells a missing file before any work
     library = read_library(options.library)
     Walker(library)  # refuses an unqualified library before any work
@@ -113,12 +120,10 @@ def _hidden(options: Trial, fixed: Mapping[str, Any]) -> dict[str, Any]:
     if options.own_model is not None:
         raise CommandError("--robot-hidden: not with --own-model, which is the file's")
     hidden = draw_hidden_robot(options.robot_hidden)
-    told = [DISTURBANCES[name].option for name in fixed if name in hidden]
+    told = [given_by(name, options.world) for name in fixed if name in hidden]
     if told:
-        known = getattr(options.world, "servo", None)
-        option = "servo" if known else told[0].replace("_", "-")
         raise CommandError(
-            f"--{option}: the hidden robot has one of its own; leave it out"
+            f"--{told[0]}: the hidden robot has one of its own; leave it out"
         )
     return hidden
 

@@ -55,6 +55,20 @@ def world_numbers(
     return given
 
 
+def given_by(name: str, options: object) -> str:
+    """Return the option that gave a field of `World`, without dashes.
+
+    Args:
+        name: of the field.
+        options: of which `world_numbers` returned it.
+    """
+    servo, own = getattr(options, "servo", None), DISTURBANCES[name].option
+    alone = getattr(options, own, None) is not None
+    if servo and name in KNOWN_SERVOS[servo].numbers and not alone:
+        return "servo"
+    return own.replace("_", "-")
+
+
 def world_json(numbers: Mapping[str, Any]) -> dict[str, Any]:
     """Convert numbers of a world for JSON, without empty ones."""
     plain = {**numbers, "push": [asdict(push) for push in numbers.get("push", ())]}
