@@ -32,6 +32,7 @@ from gaitchain.backends.dynamixel.control_table import (
     RETURN_DELAY,
     STATUS_LEVEL,
     TEMPERATURE,
+    VOLTAGE,
     WATCHDOG_TRIPPED,
 )
 from gaitchain.backends.makes import MAKES
@@ -685,6 +686,25 @@ def test_errors_and_heat_are_told():
         bus.servos[2].fail(0x24)
         read_until(robot, lambda _: "overload" in robot.health().note)
         assert robot.health().note.startswith("b (id 2): overheating, overload; ")
+
+
+def test_what_is_wrong_with_each_servo_is_said_once():
+    with bench(few(3)) as (bus, robot, _):
+        robot.engage()
+        for servo in bus.servos.values():
+            servo.fail(0x24)
+        wanted = "each servo: overheating, overload; each servo has let go"
+        read_until(robot, lambda _: robot.health().note == wanted)
+
+
+def test_the_supply_is_measured_and_a_low_one_is_said():
+    with bench(few(3)) as (bus, robot, _):
+        read_until(robot, lambda _: robot.health().supply_v == 12.0)
+        assert robot.health().note == ""
+        for servo in bus.servos.values():
+            servo.put(VOLTAGE, 99)
+        read_until(robot, lambda _: robot.health().supply_v == 9.9)
+        assert robot.health().note.startswith("the supply has 9.9 V, and had 12.0 V: ")
 
 
 def test_loads_are_currents_as_the_joints_turn():

@@ -265,9 +265,9 @@ def test_a_body_that_is_not_said_to_be_json_is_refused_with_what_to_send(here, k
 
 def test_a_replay_is_as_fast_as_the_page_and_the_manual_say(here):
     root, manual = Path(__file__).parents[2], "a speed of 0.1 to 10;"
-    page = (root / "src/gaitchain/service/page/index.html").read_text("utf-8")
-    listed = re.search(r'id="replay-speed">(.*?)</select>', page)[1]
-    offered = [float(speed) for speed in re.findall('value="(.*?)"', listed)]
+    page = (root / "src/gaitchain/service/page/replay.js").read_text("utf-8")
+    listed = re.search(r"const SPEEDS = \[(.*?)\];", page)[1]
+    offered = [float(speed) for speed in listed.split(",")]
     assert (min(offered), max(offered)) == (0.1, 10.0)
     assert manual in (root / "docs/drive.md").read_text("utf-8")
     for speed, status in ((0.09, 422), (0.1, 409), (10.0, 409), (10.1, 422)):
@@ -383,7 +383,8 @@ def test_health_counts_clients(here):
     assert health["loop"]["mode"] == "standing"
     assert health["loop"]["pace"]["period_s"] == 0.004
     assert health["clients"] == 1
-    assert health["link"] == {"sent": 0, "lost": 0, "note": "", "holds": False}
+    whole = {"sent": 0, "lost": 0, "note": "", "holds": False, "supply_v": None}
+    assert health["link"] == whole
 
 
 def test_damaged_telemetry_is_passed_over(here):

@@ -162,6 +162,16 @@ def test_the_rate_is_the_loops_own_and_amber_means_something(visit, server, see)
     see(page.locator("#pace-fact")).to_have_attribute("data-level", "warn")
 
 
+def test_the_supply_of_the_motors_is_beside_the_link(visit, server, see):
+    server.set(link_sent=100, link_lost=1, supply_v=11.94)
+    page = visit(**DESK)
+    see(page.locator("#robot-link")).to_have_text("1 of 100 lost, 11.9 V")
+    server.set(link_note="left_knee does not answer", supply_v=11.94)
+    see(page.locator("#robot-link")).to_have_text("left_knee does not answer, 11.9 V")
+    server.set(link_sent=100, link_lost=1)
+    see(page.locator("#robot-link")).to_have_text("1 of 100 lost")
+
+
 def test_what_was_heard_last_is_not_shown_as_news(visit, server, see):
     server.set(mode=Mode.STANDING)
     page = visit(**DESK)

@@ -142,6 +142,8 @@ class LinkHealth:
     """Problem that ends a walk, such as "left_knee has let go"; empty if none."""
     holds: bool = False
     """Whether motors may have torque although the robot was let go."""
+    supply_v: float | None = None
+    """Voltage of the motors' supply, None where it is not measured [V]."""
 
 
 class Backend(Protocol):

@@ -159,7 +159,7 @@ def diagnostics(
             "link to the robot",
             _WARN if t.link_note else _OK,
             t.link_note or "answering",
-            {"sent": t.link_sent, "lost": t.link_lost},
+            _link_facts(t),
         ),
         (
             "control loop",
@@ -189,6 +189,11 @@ def diagnostics(
         for name, level, message, values in parts
     )
     return ros.DiagnosticArray(ros.Header(ros.Time.at(t.stamp_ns)), status)
+
+
+def _link_facts(t: Telemetry) -> dict[str, object]:
+    facts: dict[str, object] = {"sent": t.link_sent, "lost": t.link_lost}
+    return facts if t.supply_v is None else facts | {"supply [V]": t.supply_v}
 
 
 def quaternion_of(turn: Array) -> ros.Quaternion:

@@ -3,6 +3,7 @@
 import logging
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -147,7 +148,7 @@ class SafeBackend:
         if not self._held:
             return health
         note = "; ".join(filter(None, (health.note, self._held)))
-        return LinkHealth(health.sent, health.lost, note, health.fault, holds=True)
+        return replace(health, note=note, holds=True)
 
     def close(self) -> None:
         """Let go of the robot."""

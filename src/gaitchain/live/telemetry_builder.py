@@ -96,6 +96,7 @@ class TelemetryBuilder:
             link_lost=health.lost,
             link_note=health.note,
             link_holds=health.holds,
+            supply_v=health.supply_v,
             odometry=self._odometry(),
             place=walker.place,
             feet=walker.feet,

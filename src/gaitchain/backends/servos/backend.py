@@ -263,7 +263,8 @@ class ServoBackend:
             )
         note = "; ".join(filter(None, notes))
         sent, lost, fault = self._bus.sent, self._bus.lost, self._watch.fault()
-        return LinkHealth(sent, lost, note, fault, holds=bool(self._holding))
+        volts = self._watch.supply_v
+        return LinkHealth(sent, lost, note, fault, bool(self._holding), volts)
 
     @property
     def not_let_go(self) -> str:

@@ -1,7 +1,7 @@
 """Monitor the servos during a walk: errors, temperatures, missing answers."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from gaitchain.messages import Array
 _MISSED_MOST = 3
 _RETRY_S = 0.25  # interval of requests to servos that are off the bus
 _NEAR_C = 5.0  # distance to the limit from which a temperature is reported [K]
+_SAGGED = 0.85  # of the highest supply so far, from which a lower one is reported
 
 
 class ServoWatch:
@@ -47,6 +48,8 @@ class ServoWatch:
         self._torque = dict.fromkeys(labels, False)
         self._tripped: set[int] = set()
         self._heat = dict.fromkeys(labels, np.nan)
+        self._volts: dict[int, float] = {}
+        self._highest_v = 0.0
         self._alerts: list[int] = []
         self._turn, self._retried_s = 0, 0.0
 
@@ -65,6 +68,11 @@ class ServoWatch:
     def temperatures(self) -> Array:
         """(n,) temperatures, NaN where unknown [deg C]."""
         return np.array([self._heat[number] for number in self._ids])
+
+    @property
+    def supply_v(self) -> float | None:
+        """Median of what the servos measure of their supply, None while unknown [V]."""
+        return float(np.median([*self._volts.values()])) if self._volts else None
 
     def engage(self) -> None:
         """Record that all torques are on and all watchdogs armed."""
@@ -108,7 +116,8 @@ class ServoWatch:
             return
         self._missed[number] = 0
         if not state:
-            self._heat[number], _ = make.supply_state(answer.data)
+            self._heat[number], self._volts[number] = make.supply_state(answer.data)
+            self._highest_v = max(self._highest_v, self.supply_v or 0.0)
             return
         found = make.status(answer.data)
         self._errors[number], self._torque[number] = found.errors, found.torque
@@ -127,19 +136,40 @@ class ServoWatch:
 
     def note(self) -> str:
         """Return the present problems, the worst first; empty if none."""
-        notes = []
-        for number, label in self._labels.items():
-            errors = self._make.error_words(self._errors[number])
-            heat, limit = self._heat[number], self._limits[number]
-            if self._missed[number] >= _MISSED_MOST:
-                notes.append((0, f"{label} does not answer"))
-                continue
-            if errors:
-                notes.append((1, f"{label}: {', '.join(errors)}"))
-            if number in self._tripped:
-                notes.append((2, f"{label} was stopped by its bus watchdog"))
-            elif self.engaged and not self._torque[number]:
-                notes.append((2, f"{label} has let go"))
-            if heat >= limit - _NEAR_C:
-                notes.append((3, f"{label} has {heat:.0f} deg C, lets go at {limit}"))
-        return "; ".join(text for _, text in sorted(notes, key=lambda n: n[0]))
+        notes = [self._alike(ids, words) for words, ids in self._wrong().items()]
+        volts = self.supply_v
+        if volts is not None and volts < _SAGGED * self._highest_v:
+            notes.append(
+                f"the supply has {volts:.1f} V, and had {self._highest_v:.1f} V: "
+                "change or charge the battery"
+            )
+        return "; ".join(notes)
+
+    def _wrong(self) -> dict[str, list[int]]:
+        """Return the servos of each problem, the worst problem first."""
+        wrong: dict[tuple[int, str], list[int]] = {}
+        for number in self._labels:
+            for grade, words in self._problems(number):
+                wrong.setdefault((grade, words), []).append(number)
+        return {words: wrong[grade, words] for grade, words in sorted(wrong)}
+
+    def _problems(self, number: int) -> Iterator[tuple[int, str]]:
+        """Yield the problems of one servo, with their grades; 0 is the worst."""
+        if self._missed[number] >= _MISSED_MOST:
+            yield 0, " does not answer"
+            return
+        if errors := self._make.error_words(self._errors[number]):
+            yield 1, f": {', '.join(errors)}"
+        if number in self._tripped:
+            yield 2, " was stopped by its bus watchdog"
+        elif self.engaged and not self._torque[number]:
+            yield 2, " has let go"
+        heat, limit = self._heat[number], self._limits[number]
+        if heat >= limit - _NEAR_C:
+            yield 3, f" has {heat:.0f} deg C, lets go at {limit}"
+
+    def _alike(self, ids: Sequence[int], words: str) -> str:
+        """Say of which servos a problem is: of all of them at once, or of each."""
+        if len(ids) == len(self._ids) > 1:
+            return f"each servo{words}"
+        return "; ".join(f"{self._labels[number]}{words}" for number in ids)
