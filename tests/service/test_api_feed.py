@@ -4,7 +4,6 @@ import threading
 from contextlib import closing
 from itertools import count
 
-import msgspec
 import pytest
 from api_server import small_library
 from patience import Deadline
@@ -21,8 +20,8 @@ RES = small_library().robot
 TRUTH = Truth((), (), (), (), (), (), (), (), (), False)
 
 
-def replay(*, playing):
-    return ReplayState(at_s=1.0, length_s=9.0, speed=1.0, playing=playing)
+def replay(*, playing, jumps=1):
+    return ReplayState(1.0, 9.0, 1.0, playing=playing, jumps=jumps)
 
 
 def test_a_row_without_truth_waits_for_the_next_one_with_it():
@@ -44,14 +43,14 @@ def live(folder, first, until, number, deaf=0):
 
     Its rows count from a number; it does not hear as many requests as it is deaf to.
     """
-    deadline, pause, recalled = Deadline(), threading.Event(), ()
+    deadline, pause, recalled = Deadline(), threading.Event(), None
     with closing(LoopEnd(folder)) as loop:
         for row in count(number):
             loop.publish(told(RES, number=row, recalled=recalled))
             if until():
                 return
             asked = Recall() in loop.requests()
-            recalled = (first,) if asked and not deaf else ()
+            recalled = (first,) if asked and not deaf else None
             deaf -= asked and deaf > 0
             pause.wait(0.004)
             assert not deadline.passed()
@@ -118,10 +117,28 @@ def test_events_are_not_held_for_ever_where_nobody_repeats_those_before(
     assert feed.misses
 
 
+def played(number, *at, jumps=1, **changes):
+    """A row of a log in which events of such times happened."""
+    now = replay(playing=True, jumps=jumps)
+    return told(RES, number=number, events=happened(*at), replay=now, **changes)
+
+
 def test_a_replay_whose_rows_are_not_all_shown_misses_nothing(feed):
-    """Nor does its player repeat any; a part that is played again is told again."""
-    for number in (5, 9, 5):
-        row = told(RES, number=number, events=happened(float(number)))
-        feed.hear(msgspec.structs.replace(row, replay=replay(playing=True)))
-    assert told_by(feed) == [(1, 5.0), (2, 9.0), (3, 5.0)]
+    feed.hear(played(5, 5.0, recalled=()))
+    feed.hear(played(9, 9.0))
+    assert told_by(feed) == [(1, 5.0), (2, 9.0)]
+    assert not feed.misses
+
+
+def test_a_replay_that_is_sought_has_the_events_up_to_there_alone(feed):
+    feed.hear(played(5, 5.0, recalled=()))
+    feed.hear(played(9, 9.0))
+    feed.hear(played(7, 7.0, jumps=2))  # whose row with what was before it was lost
+    assert feed.events == ()
+    assert feed.misses
+    feed.hear(played(8, 8.0, jumps=2, recalled=happened(5.0, 7.0)))
+    assert told_by(feed) == [(3, 5.0), (4, 7.0), (5, 8.0)]
+    assert not feed.misses
+    feed.hear(played(1, jumps=3, recalled=()))  # where nothing has happened yet
+    assert feed.events == ()
     assert not feed.misses

@@ -89,54 +89,62 @@ def test_a_get_up_whose_fall_was_not_seen_is_no_fall(watch):
     assert watch.latest is None
 
 
-def played(row, at_s, speed=1.0):
-    """A row of a replay."""
-    return replace(row, replay=ReplayState(at_s, 100.0, speed, playing=True))
+def played(row, jumps=1):
+    """A row of a replay that was begun, or sought, so often."""
+    replay = ReplayState(1.0, 100.0, 1.0, playing=True, where="a.mcap", jumps=jumps)
+    return replace(row, replay=replay)
 
 
 @pytest.fixture
 def replayed(watch):
     """Plays a fall that began at 1 s; returns its sentence."""
     for row in (*rows(1.0), told(RES, 1.5, **FALLEN)):
-        watch.take(played(row, row.time_s))
+        watch.take(played(row))
     return explained(watch)
 
 
 @pytest.mark.parametrize("to_s", [60.0, 0.2])
 def test_a_replay_that_is_sought_leaves_the_fall_behind(watch, replayed, to_s):
     other = FALLEN | {"reason": "fell: the trunk leans by 60 deg, limit 50"}
-    watch.take(played(told(RES, to_s, **other), to_s))
+    watch.take(played(told(RES, to_s, **other), 2))
     assert watch.latest is not replayed
     assert watch.latest.time_s == to_s
     assert watch.latest.sentence == (
         "The robot fell: the trunk leans by 60 deg, limit 50. What led to it was not "
         "seen."
     )
-    watch.take(played(told(RES, to_s + 0.004, **other), to_s + 0.004))
+    watch.take(played(told(RES, to_s + 0.004, **other), 2))
     assert watch.latest.time_s == to_s
 
 
 def test_rows_from_before_a_jump_explain_no_fall_after_it(watch, monkeypatch):
     seen = []
     monkeypatch.setattr(watch, "_explain", seen.append)
-    for row in (*rows(1.0), *rows(5.0), told(RES, 5.5, **FALLEN)):
-        watch.take(played(row, row.time_s))
+    for row in rows(1.0):
+        watch.take(played(row))
+    for row in (*rows(5.0), told(RES, 5.5, **FALLEN)):
+        watch.take(played(row, 2))
     watch.close()
     assert [row.time_s for row in seen[0]] == pytest.approx(
         [5.0 + 0.01 * i for i in range(51)]
     )
 
 
+def test_a_replay_that_is_sought_back_has_no_fall_of_later(watch, replayed):
+    watch.take(played(rows(1.0)[0], 2))
+    assert watch.latest is None
+
+
 def test_a_get_up_that_a_replay_is_sought_into_has_no_fall(watch, replayed):
-    watch.take(played(told(RES, 60.0, mode=Mode.GETTING_UP), 60.0))
-    watch.take(played(told(RES, 60.1, **GIVEN_UP), 60.1))
+    watch.take(played(told(RES, 60.0, mode=Mode.GETTING_UP), 2))
+    watch.take(played(told(RES, 60.1, **GIVEN_UP), 2))
     assert watch.latest is None
 
 
 def test_a_replay_that_goes_on_keeps_its_fall(watch, replayed):
     """A silence of the log, a loop that began anew in it, and a high speed."""
-    for time_s, at_s, speed in ((60.0, 2.5, 1.0), (0.1, 2.5, 1.0), (0.6, 4.0, 20.0)):
-        watch.take(played(told(RES, time_s, **FALLEN), at_s, speed))
+    for time_s in (60.0, 0.1, 0.6):
+        watch.take(played(told(RES, time_s, **FALLEN)))
         assert watch.latest is replayed
 
 

@@ -817,6 +817,28 @@ def test_a_phone_shows_all_without_scrolling_sideways(visit, server, see, scheme
     assert page.evaluate(wide) <= 390
 
 
+def test_a_phone_on_its_side_is_a_phone(visit, server, see):
+    server.set(mode=Mode.WALKING, choice=CHOICE)
+    page = visit(viewport={"width": 844, "height": 390}, has_touch=True)
+    see(page.locator(".node.now")).to_have_count(1)
+    see(page.locator("#view-box")).to_be_hidden()
+    stop = page.locator("#estop").bounding_box()
+    assert stop["y"] > 0.75 * 390.0
+    assert stop["y"] + stop["height"] <= 390.0
+    head = page.locator(".bar").bounding_box()
+    assert head["height"] < 0.25 * 390.0
+    page.locator("#stick").scroll_into_view_if_needed()
+    stick = page.locator("#stick").bounding_box()
+    assert stick["height"] < stop["y"] - head["height"]  # it can be seen whole
+    assert page.evaluate("document.documentElement.scrollWidth") <= 844
+
+
+def test_a_low_window_of_a_desk_is_none(visit, see):
+    page = visit(viewport={"width": 844, "height": 390})
+    see(page.locator("#view-box")).to_be_visible()
+    assert page.locator("#estop").bounding_box()["y"] < 0.25 * 390.0
+
+
 def test_every_control_has_a_name(visit, server, see):
     server.set(mode=Mode.WALKING, choice=CHOICE)
     page = visit()

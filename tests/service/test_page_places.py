@@ -112,6 +112,18 @@ def test_fields_send_it_without_a_mouse(server, page, see):
     assert sent["crouch"] == 0
 
 
+@pytest.mark.parametrize("name", ["x", "y", "yaw"])
+def test_an_empty_field_sends_the_robot_nowhere(server, page, see, name):
+    drive(server, page, see)
+    field = page.locator(f"#place-{name}")
+    field.fill("")
+    page.click("#go")
+    assert field.evaluate("field => field.validity.valueMissing")
+    see(field).to_be_focused()
+    later = [server.next_message("steer", "go_to")[1]["type"] for _ in range(5)]
+    assert later == ["steer"] * 5
+
+
 @pytest.mark.parametrize("end", ["key", "stop", "stopped by another"])
 def test_a_key_a_stop_or_another_one_ends_it(server, page, see, end):
     driver = drive(server, page, see)

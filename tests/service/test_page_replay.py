@@ -90,6 +90,33 @@ def test_a_speed_that_the_page_does_not_offer_is_shown(visit, server, see):
     see(speed).to_have_value("2")
 
 
+def told_as(texts, first=1):
+    """Events of a log as the server numbers them."""
+    return [
+        {"number": n, "time_s": n, "stamp_ns": n, "kind": "world", "text": text}
+        for n, text in enumerate(texts, start=first)
+    ]
+
+
+def test_a_log_that_is_sought_shows_the_events_up_to_there_alone(visit, server, see):
+    """Also where a frame has no room for all of them."""
+    before = [f"change {n}" for n in range(1, 31)]
+    server.events = told_as(before)
+    server.set(replay=replay(playing=False, jumps=1), events=server.events[-10:])
+    page = visit()
+    shown = page.locator("#events li > :last-child")
+    see(shown).to_have_text(before[::-1])
+    server.events = told_as(before[:12], first=31)  # sought back: numbered anew
+    server.set(replay=replay(playing=False, jumps=2), events=server.events[-10:])
+    see(shown).to_have_text(before[11::-1])
+    server.events = []
+    server.set(replay=replay(playing=False, jumps=3))
+    see(shown).to_have_count(0)
+    server.events = told_as(before[:1], first=43)
+    server.set(replay=replay(playing=True, jumps=3), events=server.events)
+    see(shown).to_have_text(before[:1])
+
+
 def test_a_play_that_is_not_sent_says_so(visit, server, see):
     server.set(replay=replay(playing=False))
     page = visit(foreseen=("WebSocket connection to",))
@@ -108,7 +135,7 @@ def test_a_screen_reader_speaks_of_modes_and_not_of_the_time(visit, server, see)
     see(page.locator("#reason")).to_have_text("link lost")
     assert spoken(page, "Standing", "link lost") == ["polite", "polite"]
     now = "replay of walk.mcap, 3.0 s"
-    server.set(mode=Mode.STANDING, reason=now, replay=replay(playing=True))
+    server.set(mode=Mode.STANDING, replay=replay(playing=True, where=now))
     see(page.locator("#reason")).to_have_text(now)
     assert spoken(page, "Standing", now) == ["polite", None]
     server.set(mode=Mode.STANDING, reason="link lost")

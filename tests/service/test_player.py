@@ -1,5 +1,6 @@
 """A log in the loop's place: its pace, what it can be asked, and how it ends."""
 
+import json
 import subprocess
 import sys
 import threading
@@ -23,14 +24,17 @@ from gaitchain.live.messages import (
     Note,
     Play,
     PushRobot,
+    Recall,
     Reset,
     Shutdown,
     Start,
     Stop,
 )
+from gaitchain.service.api_feed import Feed
 from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.fall_watch import FallWatch
-from gaitchain.service.player_part import Player, run
+from gaitchain.service.frame import Framer
+from gaitchain.service.player_part import KEPT_EVENTS, Player, run
 from gaitchain.service.settings import Settings, save_settings
 
 LIBRARY = planned_res()
@@ -99,7 +103,8 @@ def test_a_log_is_played_at_its_own_pace(path):
         assert now_s - 100.0 == pytest.approx(t.time_s - 5.0, abs=0.002)
         assert t.driver == ""
         assert t.mode == (Mode.WALKING if t.steps < 99 else Mode.STOPPED)
-    assert heard[50][1].reason == "replay of walk.mcap, 1.0 of 2.0 s"
+    assert {t.reason for _, t in heard[:-1]} == {""}
+    assert heard[50][1].replay.where == "replay of walk.mcap, 1.0 of 2.0 s"
     assert [t.steps for _, t in heard if t.events] == [30]
 
 
@@ -110,8 +115,9 @@ def test_at_its_end_a_log_pauses_and_goes_on_telling_the_last_row(path):
     heard = page.run(1.0)
     assert len(heard) == pytest.approx(25, abs=2)
     assert {t.steps for _, t in heard} == {99}
-    assert {t.reason for _, t in heard} == {
-        f"{FALLEN['reason']} (replay of walk.mcap, paused at 2.0 of 2.0 s, its end)"
+    assert {t.reason for _, t in heard} == {FALLEN["reason"]}
+    assert {t.replay.where for _, t in heard} == {
+        "replay of walk.mcap, paused at 2.0 of 2.0 s, its end"
     }
     page.ask(Start("me"))
     assert page.run(0.5)[0][1].steps == 0
@@ -121,8 +127,8 @@ def test_a_log_that_is_cut_says_so_at_its_end(path):
     path.write_bytes(path.read_bytes()[:-9])
     page = Page(path)
     page.run(2.0)
-    reason = page.run(0.1)[0][1].reason
-    assert reason.endswith(", its end; the end is missing, after 100 rows)")
+    where = page.run(0.1)[0][1].replay.where
+    assert where.endswith(", its end; the end is missing, after 100 rows")
 
 
 @pytest.mark.parametrize("pause", [Stop("me"), EmergencyStop("me")])
@@ -134,7 +140,7 @@ def test_it_pauses_and_goes_on(path, pause):
     assert len(still) > 100  # the loop is not silent
     (shown,) = {t.steps for _, t in still}
     assert shown == before + 1
-    assert {t.reason for _, t in still} == {
+    assert {t.replay.where for _, t in still} == {
         f"replay of walk.mcap, paused at {0.02 * shown:.1f} of 2.0 s"
     }
     assert not any(t.events for _, t in still)
@@ -169,20 +175,20 @@ def slow_page(path):
 
 
 def test_a_player_is_never_silent_while_it_seeks(tmp_path):
-    rows = [told(RES, 0.004 * i, steps=i) for i in range(1500)]
+    rows = [told(RES, 0.004 * i, steps=i) for i in range(1200)]
     rows[3] = replace(rows[3], events=(event(0.0, "push", "a push"),))
     page, log = slow_page(write(tmp_path / "long.mcap", rows))  # in one chunk
     page.run(0.01)  # the fourth row is due next
     page.ask(Play("me", at_s=99.0), Note("part", "the viewer part ended"))
     begun_s, heard = page.now_s, page.run(3.0)
-    assert log.taken > 1400
-    assert {t.steps for _, t in heard} == {3, 1499}
+    assert log.taken > 1100
+    assert {t.steps for _, t in heard} == {3, 1199}
     assert max(b - a for a, b in pairwise([begun_s, *(s for s, _ in heard)])) < 0.1
     assert [e.kind for _, t in heard for e in t.events] == ["part"]
 
 
 def test_what_is_asked_while_it_seeks_is_heard(tmp_path):
-    rows = [told(RES, 0.004 * i, steps=i) for i in range(1500)]
+    rows = [told(RES, 0.004 * i, steps=i) for i in range(1200)]
     page, _ = slow_page(write(tmp_path / "long.mcap", rows))
     page.ask(Play("me", at_s=99.0))
     page.run(0.1)
@@ -253,14 +259,97 @@ def test_a_log_is_sought_paused_and_played_at_another_speed(path):
     assert page.run(0.1)[-1][1].steps == 99
 
 
-def test_a_fall_is_told_where_a_log_is_paused_behind_it(path):
-    page, watch = Page(path), FallWatch(LIBRARY)
-    page.ask(Play("me", at_s=2.5, playing=False))
+@pytest.fixture(scope="module")
+def long(tmp_path_factory):
+    """Twenty seconds: pushes at 1, 17 and 19.8 s, a fall at 18 s, and it lies there."""
+    rows = [*rows_of(901), *(replace(r, **FALLEN) for r in rows_of(1000)[901:])]
+    rows[900] = replace(rows[900], **FALLEN)
+    for row in (50, 850, 990):
+        pushed = event(rows[row].time_s, "push", f"push of row {row}")
+        rows[row] = replace(rows[row], events=(pushed,))
+    return write(tmp_path_factory.mktemp("long") / "long.mcap", rows, each=100)
+
+
+def pushes(feed):
+    return [int(event.text.rsplit(" ", 1)[1]) for event in feed.events]
+
+
+@pytest.mark.parametrize("row", [900, 980])
+def test_a_fall_is_explained_where_a_log_is_sought_behind_it(long, row):
+    page, watch = Page(long), FallWatch(LIBRARY)
+    page.ask(Play("me", at_s=0.02 * row + 0.01, playing=False))
+    heard = [t for _, t in page.run(0.5)]
+    assert [t.steps for t in heard][:601] == list(range(300, 901))
+    assert {t.steps for t in heard[601:]} == {row}
+    assert len({t.replay.jumps for t in heard}) == 1
+    for t in heard:
+        watch.take(t)
+    watch.close()
+    assert watch.latest.time_s == pytest.approx(5.0 + 0.02 * 900)
+    assert "push of row 850" in watch.latest.sentence
+    assert "replay" not in watch.latest.sentence
+
+
+def test_nothing_is_passed_on_where_a_robot_that_fell_is_up_again(tmp_path):
+    fallen = [replace(row, **FALLEN) for row in rows_of(60)]
+    rows = [*rows_of(30), *fallen[30:], *rows_of(90)[60:]]
+    page = Page(write(tmp_path / "up.mcap", rows))
+    page.ask(Play("me", at_s=1.61, playing=False))
+    assert {t.steps for _, t in page.run(0.5)} == {80}
+
+
+def test_events_up_to_the_place_are_there_wherever_a_log_is_sought(long, tmp_path):
+    page, watch = Page(long), FallWatch(LIBRARY)
+    feed = Feed(tmp_path, watch, 1.0)
+
+    def after(seconds, *requests):
+        page.ask(*requests)
+        for _, row in page.run(seconds):
+            feed.hear(row)
+        assert not feed.misses
+        return pushes(feed)
+
     with closing(watch):
-        for _, row in page.run(0.5):
-            watch.take(row)
-        assert row.reason.startswith(FALLEN["reason"])
-        assert watch.latest.sentence.startswith(f"The robot {FALLEN['reason']} (")
+        assert after(0.1) == []
+        assert after(0.2, Play("me", at_s=18.5)) == [50, 850]
+        assert after(0.2, Play("me", at_s=1.0, playing=False)) == [50]
+        assert after(0.2, Play("me", at_s=0.9)) == []
+        assert after(0.5, Play("me", playing=True)) == [50]
+        assert after(0.5, Play("me", at_s=19.9)) == [50, 850, 990]
+        assert after(0.1, Reset("me")) == []
+
+
+def test_who_comes_later_is_told_what_happened_by_then(path):
+    page = Page(path)
+    page.run(0.5)
+    page.ask(Recall())
+    assert [t.recalled for _, t in page.run(0.05) if t.recalled is not None] == [()]
+    page.run(0.2)
+    page.ask(Recall())
+    (recalled,) = (t.recalled for _, t in page.run(0.05) if t.recalled is not None)
+    assert [event.text for event in recalled] == ["a push"]
+
+
+def test_as_many_events_are_told_again_as_are_kept(tmp_path):
+    rows = [
+        replace(row, events=(event(row.time_s, "world", str(row.steps)),))
+        for row in rows_of(KEPT_EVENTS + 30)
+    ]
+    page = Page(write(tmp_path / "a.mcap", rows))
+    page.ask(Play("me", at_s=99.0, playing=False))
+    recalled = [t.recalled for _, t in page.run(0.2) if t.recalled]
+    assert [int(e.text) for e in recalled[-1]] == list(range(30, KEPT_EVENTS + 30))
+
+
+def test_a_frame_tells_the_place_in_the_log_beside_the_reason(path):
+    page = Page(path)
+    page.run(0.1)
+    framer = Framer(RES, LIBRARY.command_range, "simulation")
+    *_, (_, row) = page.run(0.01)
+    where = row.replay.where
+    for own, told_so in (("", where), ("link lost", f"link lost ({where})")):
+        frame = json.loads(framer.json(replace(row, reason=own), (), None))
+        assert frame["reason"] == told_so
 
 
 def test_at_its_end_a_log_plays_from_the_beginning(path):
@@ -329,7 +418,7 @@ def test_the_part_plays_over_the_loops_own_wires(path, tmp_path):
         while not asker.ask(Stop("me")):
             assert listener.next(PATIENCE_S) is not None
         deadline = Deadline()
-        while "paused" not in (shown := listener.next(PATIENCE_S)).reason:
+        while "paused" not in (shown := listener.next(PATIENCE_S)).replay.where:
             assert not deadline.passed()
         assert shown.steps >= first.steps
         process.stdin.close()

@@ -123,7 +123,7 @@ class EventLog:
         """Let `recalled` give the latest events once."""
         self._asked = True
 
-    def recalled(self) -> tuple[Event, ...]:
-        """Return the latest 100 events if somebody asked since the last call."""
+    def recalled(self) -> tuple[Event, ...] | None:
+        """Return the latest 100 events; None if nobody asked since the last call."""
         asked, self._asked = self._asked, False
-        return tuple(self._past) if asked else ()
+        return tuple(self._past) if asked else None

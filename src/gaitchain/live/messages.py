@@ -157,6 +157,11 @@ class ReplayState(msgspec.Struct, frozen=True):
     """Times as fast as it was."""
     playing: bool
     """Whether it plays; false while it is paused, and at its end."""
+    where: str = ""
+    """Its file and the place in it, in words."""
+    jumps: int = 0
+    """How often it was begun or sought: what was told before the last time does not
+    lead here."""
 
 
 class LoopState(msgspec.Struct, frozen=True, kw_only=True):
@@ -197,7 +202,8 @@ class LoopState(msgspec.Struct, frozen=True, kw_only=True):
     estimated_tilt: tuple[float, float]
     """Roll and pitch as the loop estimates them [rad]."""
     support: str
-    """rs, rl, ls, lr or stand, as in `WalkRecord`."""
+    """rs, rl, ls, lr or stand, as in `WalkRecord`; "" where nothing is planned: the
+    robot is limp, or gets up."""
     steps: int
     """Begun so far."""
     choice: Choice | None
@@ -241,14 +247,17 @@ class Telemetry(LoopState, frozen=True, kw_only=True):
     """What is wrong with the link to the robot now."""
     link_holds: bool = False
     """Whether motors may have torque although the robot was let go."""
+    supply_v: float | None = None
+    """Voltage of the motors' supply, None where it is not measured [V]."""
     odometry: Odometry | None = None
     """Where the trunk is by legs and gyro; None where nothing estimates it."""
     truth: Truth | None = None
     """In simulation, at most 100 times a second."""
     events: tuple[Event, ...] = ()
     """What happened since the telemetry before."""
-    recalled: tuple[Event, ...] = ()
-    """What happened before that, repeated for a reader who asked (`Recall`)."""
+    recalled: tuple[Event, ...] | None = None
+    """What happened before that, repeated for a reader who asked (`Recall`), and where
+    a log is played from elsewhere; None else."""
     refused: tuple[str, ...] = ()
     """Of requests since the telemetry before those that are not carried out, by
     `refusal`, a few at most; `events` tell of many alike once."""

@@ -11,13 +11,13 @@ import msgspec
 from gaitchain.live.messages import Event, Recall, Telemetry
 from gaitchain.service.channel import Asker, Listener
 from gaitchain.service.fall_watch import FallWatch
+from gaitchain.service.player_part import KEPT_EVENTS
 from gaitchain.service.schemas import Fall, NumberedEvent
 
 LOOP_SILENT = "the loop is silent: it is being restarted"
 """Why there is nothing to tell, and nobody to ask."""
 LOOP_BEGINS = "the loop has said nothing yet: it is about to begin"
 """The same before its first row."""
-_KEPT_EVENTS = 200
 _POLL_S = 0.2
 _ASK_EVERY_S = 0.5  # for what was said before; a loop that ends takes a request with it
 _HELD_S = 2.0  # events wait at most so long for those before them
@@ -40,6 +40,7 @@ class Feed:
         self.events: tuple[NumberedEvent, ...] = ()
         """The latest events, the newest last."""
         self._number = self._row = 0
+        self._place: int | None = None  # which jump of a replay led here
         self._held: list[Event] = []
         self._missed_s: float | None = None  # since when some may have been missed
         self._ended = threading.Event()
@@ -122,20 +123,32 @@ class Feed:
         self._newest = now, shown
 
     def _find_gap(self, telemetry: Telemetry) -> None:
-        """See whether rows were lost, or a loop told nobody of its first.
-
-        A log that is played has gaps wherever it is sought, and repeats nothing.
-        """
-        follows = telemetry.number == self._row + 1
-        self._row = telemetry.number
-        if telemetry.recalled:
+        """See whether rows were lost, or a loop told nobody of its first."""
+        follows = self._follows(telemetry)
+        if telemetry.recalled is not None:
             self._missed_s = None
-        elif not follows and not self.misses and telemetry.replay is None:
+        elif not follows and not self.misses:
             self._missed_s = time.monotonic()
 
+    def _follows(self, telemetry: Telemetry) -> bool:
+        """Whether nothing happened between the row before and this one.
+
+        Not all rows of a log come that is played fast, but all that have events do.
+        """
+        row, self._row = self._row, telemetry.number
+        replay, place = telemetry.replay, self._place
+        self._place = None if replay is None else replay.jumps
+        if replay is None:
+            return telemetry.number == row + 1
+        if replay.jumps != place:
+            self.events = ()  # of elsewhere in the log
+            self._held.clear()
+        return replay.jumps == place
+
     def _hold(self, telemetry: Telemetry) -> None:
-        known = {_key(e) for e in self.events} | {_key(e) for e in self._held}
-        self._held += (e for e in telemetry.recalled if _key(e) not in known)
+        if telemetry.recalled:
+            known = {_key(e) for e in self.events} | {_key(e) for e in self._held}
+            self._held += (e for e in telemetry.recalled if _key(e) not in known)
         self._held += telemetry.events
 
     def _give_out(self) -> None:
@@ -153,7 +166,7 @@ class Feed:
             self._number, event.time_s, event.stamp_ns, event.kind, event.text
         )
         # A new tuple each time: others read it while this thread goes on.
-        self.events = (*self.events[1 - _KEPT_EVENTS :], noted)
+        self.events = (*self.events[1 - KEPT_EVENTS :], noted)
 
 
 def _key(event: Event | NumberedEvent) -> tuple[int, str]:

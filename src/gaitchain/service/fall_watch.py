@@ -13,12 +13,10 @@ from gaitchain.errors import GaitchainError
 from gaitchain.gait.library import GaitLibrary
 from gaitchain.live.messages import Telemetry
 from gaitchain.live.telemetry_record import before_fall, record_of
-from gaitchain.service.player_part import SILENCE_S
+from gaitchain.service.player_part import LED_S
 from gaitchain.service.schemas import Cause, Fall
 
-_KEPT_S = 12.0
 _FIRST_ROWS = 250  # of a loop, of which some pass before there is anybody to see them
-_MISSED_S = 0.1  # of rows that are not shown at once, or do not arrive
 _LOG = logging.getLogger(__name__)
 
 
@@ -31,16 +29,16 @@ class FallWatch:
         self._kept: deque[Telemetry] = deque()
         self._worker = ThreadPoolExecutor(1, "fall")
         self._down = False
-        self._at_s: float | None = None  # of a replay
+        self._place: int | None = None  # which jump of a replay led here
         self.latest: Fall | None = None
-        """The last fall; its cause follows, a moment later."""
+        """The last fall up to now; its cause follows, a moment later."""
 
     def take(self, telemetry: Telemetry) -> None:
         """Take the next telemetry of the loop."""
         kept = self._kept
         if self._jumps(telemetry):
             kept.clear()
-            self._down = False
+            self._down, self.latest = False, None
         if kept and telemetry.time_s == kept[-1].time_s:
             return  # a replay that is paused
         if kept and telemetry.time_s < kept[-1].time_s:
@@ -48,7 +46,7 @@ class FallWatch:
         # Also of a loop that was started again, where the robot stays stopped.
         was_down, self._down = self._down, telemetry.down
         kept.append(telemetry)
-        while kept[0].time_s < telemetry.time_s - _KEPT_S:
+        while kept[0].time_s < telemetry.time_s - LED_S:
             kept.popleft()
         if telemetry.fell and not was_down:
             self._begin(telemetry)
@@ -69,14 +67,12 @@ class FallWatch:
     def _jumps(self, telemetry: Telemetry) -> bool:
         """Whether a replay goes on elsewhere in its log.
 
-        Its own time tells: a loop that began anew goes on where it was, and the robot
+        Its player tells: a loop that began anew goes on where it was, and the robot
         lies there with the fall that it remembers.
         """
-        now, before_s = telemetry.replay, self._at_s
-        self._at_s = None if now is None else now.at_s
-        if now is None or before_s is None:
-            return False
-        return not 0.0 <= now.at_s - before_s <= SILENCE_S + _MISSED_S * now.speed
+        replay, before = telemetry.replay, self._place
+        self._place = None if replay is None else replay.jumps
+        return None not in (self._place, before) and self._place != before
 
     def close(self) -> None:
         """End the thread; what it is at is finished, what waits is not."""

@@ -53,8 +53,9 @@ class Framer:
         if made is not None and made[0] is t and made[1] is fall and made[2] == view:
             return made[3]
         kind = self._kind if t.disturbances is None else "simulation"
+        state = {name: getattr(t, name) for name in LoopState.__struct_fields__}
         frame = TelemetryFrame(
-            **{name: getattr(t, name) for name in LoopState.__struct_fields__},
+            **state | {"reason": _reason(t)},
             asked_parts=self._span.parts(Command(*t.asked)),
             scene=self._stage.scene(t),
             link=LinkState.of(t),
@@ -67,3 +68,11 @@ class Framer:
         encoded = msgspec.json.encode(frame)
         self._made = t, fall, view, encoded
         return encoded
+
+
+def _reason(telemetry: Telemetry) -> str:
+    """Return why this mode, in a replay with the place in the log."""
+    own, replay = telemetry.reason, telemetry.replay
+    if replay is None or not replay.where:
+        return own
+    return f"{own} ({replay.where})" if own else replay.where

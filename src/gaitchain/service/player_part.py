@@ -3,9 +3,10 @@
 import threading
 import time
 from array import array
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,7 @@ from gaitchain.live.messages import (
     Event,
     Note,
     Play,
+    Recall,
     ReplayState,
     Request,
     Reset,
@@ -34,8 +36,11 @@ from gaitchain.service.settings import load_settings
 if TYPE_CHECKING:
     from gaitchain.live.loop import LoopPort
 
-SILENCE_S = 1.0
-"""Longest silence of a log that is played; what is longer is cut to it [s]."""
+KEPT_EVENTS = 200
+"""The latest events that are kept, and told again where a log is sought."""
+LED_S = 12.0
+"""So much of what led to a fall is kept to explain it [s]."""
+_SILENCE_S = 1.0  # longest one of a log that is played; what is longer is cut to it
 _STILL_S = 0.04  # between rows while it is paused
 _LAG_S = 0.2  # a player that is later does not catch up
 _LOOK_S = 0.01  # requests are answered within this
@@ -72,6 +77,11 @@ class Player:
         self._playing, self._due_s, self._speed = playing, now(), 1.0
         self._sought: int | None = None
         self._rows: Iterator[Telemetry] = iter(())
+        self._happened: list[tuple[int, Event]] = []  # with the number of the row
+        # From which row on the robot lies there, or does not, and whether it fell then.
+        self._spells: list[tuple[int, bool]] = []
+        self._led = range(0)  # rows that led to a fall, to be passed on by a seek
+        self._jumps = 0
         self.ended = False
         """Whether a shutdown was asked for."""
         self._times = self._measured()
@@ -91,7 +101,7 @@ class Player:
         now_s = self._now()
         if now_s < self._due_s:
             return
-        self._publish()
+        self._publish(passes=self._playing and self._sought is None)
         if self._playing and self._sought is None:
             self._advance(now_s)
         else:
@@ -111,6 +121,8 @@ class Player:
                 self._play(request)
             case Note():
                 self._notes.append(request)
+            case Recall():
+                self._recalls = True
             case Shutdown():
                 self.ended = True
             case _:
@@ -129,11 +141,23 @@ class Player:
             self._playing = wanted.playing
 
     def _seek(self, at_s: float) -> None:
-        """Go to the last row that is not later, from where its chunk begins."""
+        """Go to the last row that is not later, from where its chunk begins.
+
+        Where the robot lies there since a fall, from before that, as nobody could tell
+        its cause otherwise.
+        """
         self._sought = max(bisect_right(self._times, at_s) - 1, 0)
-        mark = self._log.mark(self._sought)
+        self._led = self._led_to(self._sought)
+        mark = self._log.mark(self._led.start if self._led else self._sought)
         self._rows, self._passed = self._log.telemetries(mark), mark.rows
         self._over = False
+
+    def _led_to(self, row: int) -> range:
+        """Return the rows up to the fall since which the robot lies there, if any."""
+        spell = bisect_right(self._spells, row, key=itemgetter(0)) - 1
+        began, fell = self._spells[spell]
+        first = bisect_left(self._times, self._times[began] - LED_S)
+        return range(first, began + 1) if fell else range(0)
 
     def _skip(self) -> None:
         """Pass over rows until the one that is sought; what is shown stays till then.
@@ -147,24 +171,51 @@ class Player:
             if following is None:  # the log has become shorter
                 self._rewind()
             elif self._passed == self._sought:
-                self._row, self._index = following, self._sought
-                self._sought, self._due_s = None, self._now()
+                self._arrive(following)
+            elif self._passed in self._led:
+                self._lead(following)
             self._passed += 1
+
+    def _arrive(self, row: Telemetry) -> None:
+        """Show the row that is sought; what led there is no other place."""
+        self._show(row, self._passed)
+        self._sought = None
+        self._jumps += not self._led
+
+    def _lead(self, row: Telemetry) -> None:
+        """Pass on a row that led to a fall, as if it were played."""
+        if self._passed == self._led.start:
+            self._show(row, self._passed)
+            self._jumps += 1
+        self._row, self._index = row, self._passed
+        self._publish(passes=True)
+
+    def _show(self, row: Telemetry, index: int) -> None:
+        """Show a row, with all that happened up to it."""
+        self._row, self._index, self._due_s = row, index, self._now()
+        self._told, self._recalls = row, True
 
     def _measured(self) -> "array[float]":
         """Return when each row is played from the beginning, at its own speed [s]."""
-        times, at_s, before_s = array("d"), 0.0, None
+        times, at_s, before = array("d"), 0.0, None
         for number, row in enumerate(self._log.telemetries()):
             if not number % _AT_ONCE:
                 self._listen()
                 self._say(f"reading the log, {number} rows")
-            gap_s = 0.0 if before_s is None else row.time_s - before_s
-            at_s += min(max(gap_s, 0.0), SILENCE_S)
-            before_s = row.time_s
+            gap_s = 0.0 if before is None else row.time_s - before.time_s
+            at_s += min(max(gap_s, 0.0), _SILENCE_S)
             times.append(at_s)
+            self._note(number, row, before)
+            before = row
             if self.ended:
                 break
         return times
+
+    def _note(self, number: int, row: Telemetry, before: Telemetry | None) -> None:
+        """Keep what happened, and when the robot began to lie there or was up again."""
+        self._happened += ((number, event) for event in row.events)
+        if before is None or row.down is not before.down:
+            self._spells.append((number, row.fell and before is not None))
 
     def _listen(self) -> None:
         """Keep what is said before it plays; nothing else can be asked of it yet."""
@@ -173,13 +224,13 @@ class Player:
                 self._handle(request)
 
     def _rewind(self) -> None:
-        self._index = self._passed = 0
-        self._sought, self._over = None, False
+        self._passed, self._sought, self._over = 0, None, False
         self._rows = self._log.telemetries()
         first = next(self._rows, None)
         if first is None:
             raise LogError(f"{self._log.path}: no telemetry in it to play")
-        self._row, self._due_s = first, self._now()
+        self._show(first, 0)
+        self._jumps += 1
 
     def _advance(self, now_s: float) -> None:
         """Make the next row due; pause at the last one.
@@ -210,29 +261,40 @@ class Player:
             self._index = min(self._index + 1, len(self._times) - 1)
         return following
 
-    def _publish(self) -> None:
+    def _publish(self, *, passes: bool) -> None:
+        """Tell of the row; of its events once, when the log passes it."""
         row = self._row
-        goes_on = self._playing and self._sought is None
-        events = (row.events if goes_on else ()) + self._own_events()
+        events = row.events if passes and row is not self._told else ()
+        recalled = self._recalled() if self._recalls else None
+        self._recalls = False
+        if passes:
+            self._told = row
         self._port.publish(
             replace(
                 row,
                 driver="",
-                reason=self._reason(),
-                events=events,
-                replay=ReplayState(
-                    at_s=self._times[self._index],
-                    length_s=self._times[-1],
-                    speed=self._speed,
-                    playing=self._playing,
-                ),
+                recalled=recalled,
+                events=events + self._own_events(),
+                replay=self._state(),
             )
         )
 
-    def _reason(self) -> str:
-        """Return the row's own reason with the place in the log."""
-        own, where = self._row.reason, self._where()
-        return f"{own} ({where})" if own else where
+    def _recalled(self) -> tuple[Event, ...]:
+        """Return the latest events of the log by now, but for those to be told yet."""
+        rows = self._index + (self._row is self._told)
+        end = bisect_left(self._happened, rows, key=itemgetter(0))
+        latest = self._happened[max(end - KEPT_EVENTS, 0) : end]
+        return tuple(event for _, event in latest)
+
+    def _state(self) -> ReplayState:
+        return ReplayState(
+            at_s=self._times[self._index],
+            length_s=self._times[-1],
+            speed=self._speed,
+            playing=self._playing,
+            where=self._where(),
+            jumps=self._jumps,
+        )
 
     def _where(self) -> str:
         paused = "" if self._playing else "paused at "

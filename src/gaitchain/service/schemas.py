@@ -355,11 +355,13 @@ class LinkState(msgspec.Struct, frozen=True):
     """What is wrong with the link now; empty if nothing is."""
     holds: bool
     """Whether motors may have torque although the robot was let go."""
+    supply_v: float | None
+    """Voltage of the motors' supply, None where it is not measured [V]."""
 
     @classmethod
     def of(cls, t: Telemetry) -> "LinkState":
         """Return the link as telemetry tells of it."""
-        return cls(t.link_sent, t.link_lost, t.link_note, t.link_holds)
+        return cls(t.link_sent, t.link_lost, t.link_note, t.link_holds, t.supply_v)
 
 
 class LoopHealth(msgspec.Struct, frozen=True):

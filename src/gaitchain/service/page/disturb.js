@@ -1,14 +1,14 @@
 // What disturbs a simulated robot all the while: punches, swinging arms, a payload.
 
-import { limited, readNumber, whyNot } from "./push.js";
-import { say, short } from "./words.js";
+import { limited, readNumber, whyCalm } from "./push.js";
+import { LOST, say, short } from "./words.js";
 
 const SOFT = 0.3; // m/s by which the hardest punch changes the robot's speed, to begin with
 const PERCENT = 100;
 
 /** Three switches with their numbers; they show what the robot says. */
 export class Disturb {
-  #why = whyNot(null, {});
+  #why = LOST;
   #on = { punches: false, arms: false, payload: false };
 
   constructor(link, wheel, notice, page) {
@@ -39,7 +39,7 @@ export class Disturb {
 
   hear(frame) {
     const { page } = this;
-    this.#why = whyNot(frame, this.wheel);
+    this.#why = whyCalm(frame, this.wheel);
     const { punches, swings, payload } = frame.disturbances;
     this.#on = { punches: punches !== null, arms: swings, payload: payload > 0 };
     for (const [name, on] of Object.entries(this.#on)) {
@@ -71,7 +71,7 @@ export class Disturb {
     if (value === undefined) return;
     if (this.#why) return void this.notice(this.#why);
     const sent = this.link.send("disturb", { [name]: value });
-    this.notice(sent ? "" : whyNot(null, {}));
+    this.notice(sent ? "" : LOST);
   }
 }
 

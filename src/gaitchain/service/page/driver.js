@@ -1,7 +1,7 @@
 // Who drives: taking the wheel, letting it go, and how fast keys and sticks are.
 
 import { fill } from "./sliders.js";
-import { say } from "./words.js";
+import { LOST, say } from "./words.js";
 
 /** The head of the driver's panel. */
 export class Driver {
@@ -36,7 +36,7 @@ export class Driver {
   #take() {
     const { link, wheel, notice } = this;
     if (wheel.taken) return notice(`${wheel.driver} drives; it must let go first.`);
-    if (!link.isOpen) return notice("There is no connection to the robot.");
+    if (!link.isOpen) return notice(LOST);
     notice("");
     return wheel.take();
   }

@@ -1,6 +1,7 @@
 // The floor from above: where the robot is, where it goes, and a click that sends it.
 
 import { Plot, tickText, ticks } from "./plot.js";
+import { whyNot } from "./wheel.js";
 import { fixed, say } from "./words.js";
 
 const REACHES = [0.5, 1, 2, 5, 10, 20]; // m from the robot to the nearer edge
@@ -73,10 +74,10 @@ export class Floor {
 
   #why() {
     const { wheel } = this;
-    if (!this.#frame) return "There is no connection to the robot.";
-    if (this.#frame.replay) return "This is a replay: what happened, happened.";
+    const why = whyNot(this.#frame, wheel);
+    if (why) return why;
     if (!this.#frame.place) return "Nothing measures where this robot is.";
-    if (!wheel.wanted) return wheel.taken ? `${wheel.driver} drives; you watch.` : "Take the wheel first.";
+    if (!wheel.wanted) return "Take the wheel first.";
     if (["standing", "walking"].includes(this.#frame.mode)) return "";
     return "It goes to a place from standing or walking.";
   }

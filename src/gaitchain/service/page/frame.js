@@ -45,6 +45,7 @@ export function readFrame(raw) {
       lost: number(link.lost),
       note: text(link.note),
       holds: link.holds === true,
+      supply: number(link.supply_v),
     },
     events: readEvents(raw.events),
     fall: text(raw.fall),
@@ -58,8 +59,8 @@ export function readFrame(raw) {
 
 /** Read how far a log is played; null for a robot that is live. */
 function readReplay(raw) {
-  const { at_s, length_s, speed, playing } = record(raw);
-  const found = { at: number(at_s), length: number(length_s), speed: number(speed) };
+  const { at_s, length_s, speed, playing, jumps } = record(raw);
+  const found = { at: number(at_s), length: number(length_s), speed: number(speed), jumps: number(jumps) };
   return known(Object.values(found)) ? { ...found, playing: playing === true } : null;
 }
 

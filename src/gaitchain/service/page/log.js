@@ -10,6 +10,7 @@ export class Log {
   #seen = new Set();
   #order = new WeakMap(); // item -> [UNIX time, number]
   #newest = 0; // number
+  #jumps; // of a replay
 
   /** after: gets the events with higher numbers from the server. */
   constructor(root, after) {
@@ -17,14 +18,22 @@ export class Log {
   }
 
   /** Take the events of a frame, which has room for the latest alone. */
-  hear({ events }) {
+  hear({ events, replay }) {
+    if (replay?.jumps !== this.#jumps) {
+      this.#jumps = replay?.jumps; // elsewhere in the log other things have happened
+      this.#newest = 0;
+      this.#seen.clear();
+      this.root.replaceChildren();
+    }
     if (events[0]?.number > this.#newest + 1) void this.fill(this.#newest);
     this.#add(events);
   }
 
   /** Get what no frame had room for. */
   async fill(number = 0) {
-    this.#add(readEvents(await this.after(number)));
+    const jumps = this.#jumps;
+    const events = readEvents(await this.after(number));
+    if (jumps === this.#jumps) this.#add(events);
   }
 
   /** Put events on top that are not there yet. */

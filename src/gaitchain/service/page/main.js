@@ -19,7 +19,7 @@ import { Status } from "./status.js";
 import { Stick } from "./stick.js";
 import { Traces } from "./traces.js";
 import { View } from "./view.js";
-import { Wheel } from "./wheel.js";
+import { Wheel, whyNot } from "./wheel.js";
 import { Why } from "./why.js";
 import { say, speaker } from "./words.js";
 
@@ -57,9 +57,7 @@ function moved() {
 
 /** Say why a pull does nothing. */
 function idle() {
-  if (!link.isOpen) return "There is no connection to the robot.";
-  if (replay.isOn) return "This is a replay: what happened, happened.";
-  return wheel.taken ? `${wheel.driver} drives; you watch.` : "Take the wheel first.";
+  return whyNot(link.isOpen && { replay: replay.isOn }, wheel) || "Take the wheel first.";
 }
 
 const emergency = () => actions.emergency();

@@ -1,8 +1,10 @@
 // Pushes on a simulated robot, from eight sides.
 
-import { say } from "./words.js";
+import { LOST, say } from "./words.js";
+import { whyNot } from "./wheel.js";
 
 const SOFT = 0.1; // m/s; a push to begin with
+const FAR = 4.3; // rem from the middle of the dial
 const WAYS = [
   [0, "forward", "↑"],
   [-45, "forward and to the right", "↗"],
@@ -17,11 +19,9 @@ const WAYS = [
 const ANY = "any"; // body that the server draws by its mass
 
 /** Say why a robot cannot be disturbed just now, or "". */
-export function whyNot(frame, { taken, driver }) {
-  if (!frame) return "There is no connection to the robot.";
-  if (frame.replay) return "This is a replay: what happened, happened.";
-  if (!frame.simulated) return "Only a simulated robot can be disturbed, which this one is not.";
-  return taken ? `${driver} drives; you watch.` : "";
+export function whyCalm(frame, wheel) {
+  const real = frame && !frame.replay && !frame.simulated;
+  return real ? "Only a simulated robot can be disturbed, which this one is not." : whyNot(frame, wheel);
 }
 
 /** Set the ends of a number's input. */
@@ -39,7 +39,7 @@ export function readNumber(input, what, unit) {
 
 /** Eight buttons round a robot that is seen from above. */
 export class Push {
-  #why = whyNot(null, {});
+  #why = LOST;
 
   constructor(link, wheel, notice, { dial, impulse, body, elevation, pushWhy }) {
     Object.assign(this, { link, wheel, notice, impulse, body, elevation, pushWhy });
@@ -47,6 +47,9 @@ export class Push {
       const button = document.createElement("button");
       const title = `Push ${words}`;
       Object.assign(button, { type: "button", textContent: arrow, title, ariaLabel: title });
+      button.style.translate = [Math.sin, Math.cos]
+        .map((part) => `${-FAR * part((degrees * Math.PI) / 180)}rem`)
+        .join(" ");
       button.addEventListener("click", () => this.#push(degrees));
       dial.append(button);
       return button;
@@ -64,7 +67,7 @@ export class Push {
   }
 
   hear(frame) {
-    this.#why = whyNot(frame, this.wheel);
+    this.#why = whyCalm(frame, this.wheel);
     say(this.pushWhy, this.#why || "pushes last 0.1 s; directions as the trunk faces");
     for (const button of this.buttons) {
       button.setAttribute("aria-disabled", String(this.#why !== ""));
@@ -78,6 +81,6 @@ export class Push {
     if (why) return this.notice(why);
     const push = { impulse_ns, direction_deg, elevation_deg };
     if (this.body.value) push.body = this.body.value;
-    return this.notice(this.link.send("push", push) ? "" : whyNot(null, {}));
+    return this.notice(this.link.send("push", push) ? "" : LOST);
   }
 }

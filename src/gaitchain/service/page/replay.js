@@ -2,6 +2,8 @@
 
 import { say } from "./words.js";
 
+const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10];
+
 /** The bar of a replay; hidden while a robot is live, as what drives one is in a replay. */
 export class Replay {
   #playing = false;
@@ -10,6 +12,7 @@ export class Replay {
 
   constructor(link, notice, page) {
     Object.assign(this, { link, notice, page });
+    for (const speed of SPEEDS) page.speed.add(new Option(`${speed} x`, speed));
     page.play.addEventListener("click", () => this.#ask({ playing: !this.#playing }));
     page.bar.addEventListener("pointerdown", () => (this.#held = true));
     for (const name of ["pointerup", "pointercancel", "blur"]) {

@@ -119,10 +119,9 @@ export class Traces {
     let broken = true; // a gap where nothing was measured
     for (const frame of this.#frames) {
       const [x, y] = at(frame);
-      if (!Number.isFinite(y)) broken = true;
-      else if (broken) context.moveTo(x, y);
-      else context.lineTo(x, y);
-      if (Number.isFinite(y)) broken = false;
+      const isKnown = Number.isFinite(y);
+      if (isKnown) context[broken ? "moveTo" : "lineTo"](x, y);
+      broken = !isKnown;
     }
     context.stroke();
   }

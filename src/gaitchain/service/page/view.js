@@ -3,6 +3,7 @@
 import { say } from "./words.js";
 
 const STYLE = "/page/viewer.css";
+const PHONE = "(max-width: 47.99rem), (max-height: 30rem) and (pointer: coarse)"; // as in style.css
 
 /** Show the viewer, open on a desk, closed on a phone. */
 export class View {
@@ -17,7 +18,7 @@ export class View {
     toggle.addEventListener("click", () => this.#show(box.hidden));
     frame.addEventListener("load", () => this.#enter());
     this.dark.addEventListener("change", () => this.#load());
-    this.#show(matchMedia("(min-width: 48rem)").matches);
+    this.#show(!matchMedia(PHONE).matches);
   }
 
   /** Load the view where another process draws it than before, or the way there broke. */

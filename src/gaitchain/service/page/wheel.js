@@ -1,9 +1,18 @@
 // Who drives; and what this page asks for, ten times a second while it has the wheel.
 
+import { LOST } from "./words.js";
+
 const PERIOD = 100; // ms
 const TAKEN = 500; // ms after which another driver in the frames means that it is theirs
 const ZERO = [0, 0, 0];
 const AT_REST = ["off", "safe", "stopped", "getting_up"]; // a key held since before counts no more
+
+/** Say why nobody asks the robot for anything here just now, or "". */
+export function whyNot(frame, { taken, driver }) {
+  if (!frame) return LOST;
+  if (frame.replay) return "This is a replay: what happened, happened.";
+  return taken ? `${driver} drives; you watch.` : "";
+}
 
 /**
  * Asks for parts of the most that the library walks, each in [-1, 1]; the server knows

@@ -2,6 +2,8 @@
 
 const NOTICE = 8000; // ms
 
+export const LOST = "There is no connection to the robot.";
+
 export const MODES = {
   off: ["Off", "Torque is off."],
   rising: ["Rising", "Goes slowly to the standing pose."],
@@ -64,12 +66,10 @@ export function supportWords(support) {
 
 /** Name the primitives that make a pose, with units. */
 export function primitivesText(primitives) {
-  const parts = Object.entries(primitives ?? {}).map(
-    ([name, value]) => {
-      const [said, unit] = NAMES[name] ?? [name.replaceAll("_", " "), UNITS[name]];
-      return `${said} ${fixed(value, 3)}${unit ? ` ${unit}` : ""}`;
-    },
-  );
+  const parts = Object.entries(primitives ?? {}).map(([name, value]) => {
+    const [said, unit] = NAMES[name] ?? [name.replaceAll("_", " "), UNITS[name]];
+    return `${said} ${fixed(value, 3)}${unit ? ` ${unit}` : ""}`;
+  });
   return parts.join(", ") || "no primitives known";
 }
 
