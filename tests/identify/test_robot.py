@@ -325,6 +325,8 @@ def test_what_is_left_unknown_is_drawn_in_training(brisk):
         assert worlds.numbers[name] == 0.0
     plain = STRIDE_BUILD.training_worlds(brisk.poses, None)
     assert plain.numbers.get("doubt", 0.0) == 0.0
+    for name in ("servo_gain", "mass"):
+        assert worlds.numbers[name] == 1.0 and plain.numbers[name] != 1.0
 
 
 def test_likely_robots_are_off_as_their_log_ties_them():

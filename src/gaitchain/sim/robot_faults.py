@@ -14,6 +14,7 @@ from gaitchain.sim.world_draws import DOUBT_STREAM, draw_encoder_offsets, stream
 _FOUND = (
     *("backlash_deg", "dry_friction", "stiction", "viscous_friction"),
     *("gain_error", "encoder_offset_deg", "imu_tilt_deg", "com_m"),
+    *("servo_gain", "mass"),  # of all servos and links alike
 )
 _OF_ALL = "delay_s", "stiction", "viscous_friction"
 
@@ -74,7 +75,7 @@ def unsure_fields(robot: Robot) -> dict[str, float]:
     """
     if robot.identified is None:
         return {}
-    return dict.fromkeys(_FOUND, 0.0) | doubt_field(robot)
+    return {name: getattr(World, name) for name in _FOUND} | doubt_field(robot)
 
 
 def doubt_field(robot: Robot) -> dict[str, float]:
