@@ -271,7 +271,7 @@ def test_a_hardware_error_lets_go_and_is_told_in_every_answer():
 def test_an_imu_measures_in_the_axes_that_it_is_mounted_in():
     mounted = ImuCalibration(200, 38, 44, 0.001, 0.01, axes=("-y", "x", "z"))
     imu = EmulatedImu(mounted)
-    imu.noise = 0.0
+    imu.noise_factor = 0.0
     imu.angular_velocity = np.array([1.0, 2.0, 3.0])
     error, data = imu.read(Block(38, 12))
     counts = np.frombuffer(data, "<i2")

@@ -736,7 +736,7 @@ def test_an_imu_on_the_bus_is_read_in_the_trunks_axes(kind):
     with bench(TURN(few(2), imu=imu)) as (bus, robot, _):
         assert robot.has_imu
         device = bus.bus.devices[200]
-        device.noise = 0.0
+        device.noise_factor = 0.0
         device.angular_velocity = np.array([0.1, -0.2, 0.3])
         device.acceleration = np.array([1.0, 2.0, 9.0])
         sensors = robot.read()

@@ -150,7 +150,7 @@ def test_what_may_be_asked_of_an_imu_comes_in_one_answer(format_, size):
     calibration = msgspec.structs.replace(calibration, imu=imu)
     check_calibration(calibration, "robot.toml")
     with patient_bus(), ServoBusEmulator.like(calibration) as bus:
-        bus.bus.devices[imu.id].noise = 0.0
+        bus.bus.devices[imu.id].noise_factor = 0.0
         robot = ServoBackend(bus.port, calibration, ["a"], PATIENT_S)
         robot.connect(np.zeros(1))
         try:

@@ -645,7 +645,7 @@ def test_a_servo_that_stops_answering_midway_is_a_row_of_its_own(
 def imu_on(bus, truth, tmp_path, mounted=IMU, **told):
     """Put an IMU on the bus, and a calibration that tells how it is mounted."""
     device = bus.bus.devices[IMU.id] = EmulatedImu(mounted)
-    device.noise = 0.1  # of a usual one's, so that digits are told
+    device.noise_factor = 0.1  # of a usual one's, so that digits are told
     file = tmp_path / "robot.toml"
     imu = msgspec.structs.replace(IMU, **told)
     save_calibration(msgspec.structs.replace(truth, imu=imu), file)
@@ -697,7 +697,7 @@ def test_an_imu_that_never_changes_is_named(
 ):
     """As `doctor` does: at rest, too, the last bits of a sound one change."""
     device, file = imu_on(bus, truth, tmp_path)
-    device.noise, device.acceleration = 0.0, np.array([0.0, 0.0, length])
+    device.noise_factor, device.acceleration = 0.0, np.array([0.0, 0.0, length])
     code, said, _ = check(capsys, library, bus, file)
     assert code == 1
     assert "imu (id 200): the IMU is stuck" in " ".join(said.split())

@@ -564,7 +564,7 @@ def test_a_trunk_that_was_not_tipped_is_to_be_tipped():
 def test_a_frozen_imu_is_found_before_anything_moves():
     with robot() as (bench, bus):
         bench.person.present = False
-        bus.bus.devices[200].noise = 0.0
+        bus.bus.devices[200].noise_factor = 0.0
         verdict = check_imu(bench)
     assert verdict.outcome == "no-go"
     assert "stuck" in verdict.said

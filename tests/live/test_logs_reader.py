@@ -491,6 +491,8 @@ def test_of_a_robot_that_was_limp_at_last_the_last_minute_with_torque_is_kept():
     # Also where the loop began again, and the robot was limp since.
     assert before_fall([*walk, *off, *limp_for(20, 0.0)]) == kept
     assert before_fall(off) == tuple(off[-round(LONGEST_S) - 1 :])
+    anew = [told(RES, 300.0 + i, mode=Mode.WALKING) for i in range(5)]
+    assert before_fall([*walk, *off, *anew]) == tuple(anew), "of the run before is none"
     fallen = told(RES, 600.0, **FALLEN)
     assert before_fall([*walk, *off, fallen]) == (fallen,)
 

@@ -31,7 +31,7 @@ from gaitchain.live.messages import (
     Stop,
 )
 from gaitchain.service.api_feed import Feed
-from gaitchain.service.channel import Asker, Listener
+from gaitchain.service.channel import Asker, Listener, LoopEnd
 from gaitchain.service.fall_watch import FallWatch
 from gaitchain.service.frame import Framer
 from gaitchain.service.player_part import KEPT_EVENTS, Player, run
@@ -279,8 +279,10 @@ def test_a_fall_is_explained_where_a_log_is_sought_behind_it(long, row):
     page, watch = Page(long), FallWatch(LIBRARY)
     page.ask(Play("me", at_s=0.02 * row + 0.01, playing=False))
     heard = [t for _, t in page.run(0.5)]
-    assert [t.steps for t in heard][:601] == list(range(300, 901))
-    assert {t.steps for t in heard[601:]} == {row}
+    heard = heard[next(i for i, t in enumerate(heard) if t.leads) :]
+    led = [t.steps for t in heard if t.leads]
+    assert led == list(range(300, 901 if row > 900 else 900))
+    assert {t.steps for t in heard[len(led) :]} == {row}
     assert len({t.replay.jumps for t in heard}) == 1
     for t in heard:
         watch.take(t)
@@ -288,6 +290,71 @@ def test_a_fall_is_explained_where_a_log_is_sought_behind_it(long, row):
     assert watch.latest.time_s == pytest.approx(5.0 + 0.02 * 900)
     assert "push of row 850" in watch.latest.sentence
     assert "replay" not in watch.latest.sentence
+
+
+def test_what_leads_to_a_fall_is_heard_whole_and_not_shown(long, tmp_path):
+    """Through the channel of the parts: faster, rows just before the fall are lost."""
+    watch, ended = FallWatch(LIBRARY), threading.Event()
+    feed = Feed(tmp_path, watch, PATIENCE_S)
+    shown, heard = [], []
+    take = watch.take
+    watch.take = lambda row: (heard.append(row.steps), take(row))
+
+    def play():
+        with closing(LoopEnd(tmp_path)) as port:
+            player = Player(read_log(long), port, playing=False)
+            while not ended.is_set():
+                player.tick()
+                ended.wait(player.wait_s())
+
+    playing = threading.Thread(target=play)
+    playing.start()
+    feed.start()
+    try:
+        deadline = Deadline()
+        with closing(Asker(tmp_path)) as asker:
+            while not (feed.latest and asker.ask(Play("me", at_s=19.5))):
+                assert not deadline.passed()
+            while feed.latest.steps < 975:
+                shown.append(feed.latest.steps)
+                assert not ended.wait(0.001) and not deadline.passed()
+    finally:
+        ended.set()
+        playing.join()
+        feed.close()
+    assert set(shown) == {0}
+    assert [s for s in heard if 300 <= s <= 900] == list(range(300, 901))
+    assert watch.latest.time_s == pytest.approx(5.0 + 0.02 * 900)
+
+
+def test_of_a_robot_that_lies_long_nothing_is_read_but_what_is_sought(tmp_path):
+    rows = [*rows_of(51), *(replace(r, **FALLEN) for r in rows_of(4_000)[51:])]
+    rows[50] = replace(rows[50], **FALLEN)
+    page = Page(write(tmp_path / "long.mcap", rows, each=100))
+    read, reads = [], type(page.player._log).telemetries
+
+    def counted(log, *args):
+        for row in reads(log, *args):
+            read.append(row.steps)
+            yield row
+
+    page.player._log = Counted(page.player._log, counted)
+    page.ask(Play("me", at_s=79.0))
+    assert page.run(0.5)[-1][1].steps >= 3_900
+    assert len(read) < 500
+
+
+class Counted:
+    """A log whose reads are counted."""
+
+    def __init__(self, log, telemetries):
+        self._log, self._telemetries = log, telemetries
+
+    def __getattr__(self, name):
+        return getattr(self._log, name)
+
+    def telemetries(self, *args):
+        return self._telemetries(self._log, *args)
 
 
 def test_nothing_is_passed_on_where_a_robot_that_fell_is_up_again(tmp_path):

@@ -43,6 +43,8 @@ def test_who_pauses_or_wants_something_else_means_it():
     assert me.asks(1.0)
     assert not me.asks(5.0, after_s=LEASE_S)
     assert me.asks(0.1)
+    lower = GoTo("me", (AHEAD,), 0.01)
+    assert me.errands.asks(lower, told(RES, 0.2)), "it is the same place"
     assert not me.asks(1.0, place=Place(2.0, 0.0))
     assert not me.asks(1.5)
 

@@ -76,7 +76,7 @@ class KeyPoseBuild(GaitBuild):
     def training_worlds(self, poses: KeyPoses, speed_limit: float | None) -> WorldRange:
         """See `GaitBuild`; friction, servo gain and mass vary.
 
-        What is left unknown of an identified robot is drawn, too.
+        Of an identified robot what is left unknown is drawn in place of the last two.
         """
         return WorldRange(speed_limit_deg_s=speed_limit, **unsure_fields(poses.robot))
 

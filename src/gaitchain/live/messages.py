@@ -162,6 +162,9 @@ class ReplayState(msgspec.Struct, frozen=True):
     jumps: int = 0
     """How often it was begun or sought: what was told before the last time does not
     lead here."""
+    leads: bool = False
+    """Whether this row is not shown: it is passed on the way to the one that was
+    sought, as it led to the fall since which the robot lies there."""
 
 
 class LoopState(msgspec.Struct, frozen=True, kw_only=True):
@@ -277,6 +280,11 @@ class Telemetry(LoopState, frozen=True, kw_only=True):
     def down(self) -> bool:
         """Whether it lies there since a fall, or is getting up; if that fails, too."""
         return self.fell or self.mode is Mode.GETTING_UP
+
+    @property
+    def leads(self) -> bool:
+        """Whether it is not to be shown, see `ReplayState.leads`."""
+        return self.replay is not None and self.replay.leads
 
 
 class DriverRequest(msgspec.Struct, frozen=True):

@@ -32,14 +32,15 @@ class _Rows:
         self.kept: deque[Telemetry] = deque()
         self.powered = False
         """Whether the robot had torque in any of them."""
-        self._powered_s = -math.inf
+        self._powered_s = self._last_s = -math.inf
 
     def follows(self, t: Telemetry) -> bool:
         """Whether a row comes after these in the same run of the loop."""
-        return not self.kept or t.time_s > self.kept[-1].time_s
+        return t.time_s > self._last_s
 
     def take(self, t: Telemetry) -> None:
         """Take a row; one that was limp for long tells nothing, if it is no fall."""
+        self._last_s = t.time_s
         if t.mode not in _NOT_JUDGED:
             self.powered, self._powered_s = True, t.time_s
         limp_s = t.time_s - self._powered_s

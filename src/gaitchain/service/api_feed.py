@@ -119,6 +119,8 @@ class Feed:
         self._give_out()
         now, newest = time.monotonic(), self._newest
         shown = telemetry if newest is None else _better(newest[1], telemetry)
+        if newest is not None and telemetry.leads:
+            shown = newest[1]
         self._watch.take(telemetry)  # first: a frame of a fall has its own sentence
         self._newest = now, shown
 

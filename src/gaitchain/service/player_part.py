@@ -44,6 +44,7 @@ _SILENCE_S = 1.0  # longest one of a log that is played; what is longer is cut t
 _STILL_S = 0.04  # between rows while it is paused
 _LAG_S = 0.2  # a player that is later does not catch up
 _LOOK_S = 0.01  # requests are answered within this
+_LED_AT_ONCE, _LEAD_S = 5, 0.001  # rows in so long: faster, some would be lost
 _AT_ONCE = 250  # rows that are measured between two looks at requests
 _SHOWN_S = 0.02  # rows that are played faster than so are not all shown
 
@@ -90,7 +91,7 @@ class Player:
     def wait_s(self) -> float:
         """Return how long nothing is to be done, 10 ms at most [s]."""
         if self._sought is not None:
-            return 0.0
+            return _LEAD_S if self._leads else 0.0
         return min(max(self._due_s - self._now(), 0.0), _LOOK_S)
 
     def tick(self) -> None:
@@ -98,6 +99,8 @@ class Player:
         for request in self._port.requests():
             self._handle(request)
         self._skip()
+        if self._leads:
+            return  # nothing else may come between these rows
         now_s = self._now()
         if now_s < self._due_s:
             return
@@ -165,8 +168,10 @@ class Player:
         Little by little, as rows have to be read, and who watches must not think that
         the player has died.
         """
-        until_s = self._now() + _LOOK_S
+        until_s, most = self._now() + _LOOK_S, self._passed + _LED_AT_ONCE
         while self._sought is not None and self._now() <= until_s:
+            if self._leads and self._passed >= most:
+                break
             following = next(self._rows, None)
             if following is None:  # the log has become shorter
                 self._rewind()
@@ -175,6 +180,22 @@ class Player:
             elif self._passed in self._led:
                 self._lead(following)
             self._passed += 1
+            if self._passed == self._led.stop:
+                self._go_near()
+
+    @property
+    def _leads(self) -> bool:
+        """Whether rows that led to a fall are being passed on."""
+        begun = bool(self._led) and self._passed > self._led.start
+        return self._sought is not None and begun
+
+    def _go_near(self) -> None:
+        """Leave out the chunks between the fall and the row that is sought."""
+        if self._sought is None:
+            return
+        mark = self._log.mark(self._sought)
+        if mark.rows > self._passed:
+            self._rows, self._passed = self._log.telemetries(mark), mark.rows
 
     def _arrive(self, row: Telemetry) -> None:
         """Show the row that is sought; what led there is no other place."""
@@ -183,12 +204,12 @@ class Player:
         self._jumps += not self._led
 
     def _lead(self, row: Telemetry) -> None:
-        """Pass on a row that led to a fall, as if it were played."""
+        """Pass on a row that led to a fall; who shows rows leaves it out."""
         if self._passed == self._led.start:
             self._show(row, self._passed)
             self._jumps += 1
         self._row, self._index = row, self._passed
-        self._publish(passes=True)
+        self._publish(passes=True, leads=True)
 
     def _show(self, row: Telemetry, index: int) -> None:
         """Show a row, with all that happened up to it."""
@@ -261,7 +282,7 @@ class Player:
             self._index = min(self._index + 1, len(self._times) - 1)
         return following
 
-    def _publish(self, *, passes: bool) -> None:
+    def _publish(self, *, passes: bool, leads: bool = False) -> None:
         """Tell of the row; of its events once, when the log passes it."""
         row = self._row
         events = row.events if passes and row is not self._told else ()
@@ -275,7 +296,7 @@ class Player:
                 driver="",
                 recalled=recalled,
                 events=events + self._own_events(),
-                replay=self._state(),
+                replay=self._state(leads=leads),
             )
         )
 
@@ -286,7 +307,7 @@ class Player:
         latest = self._happened[max(end - KEPT_EVENTS, 0) : end]
         return tuple(event for _, event in latest)
 
-    def _state(self) -> ReplayState:
+    def _state(self, *, leads: bool) -> ReplayState:
         return ReplayState(
             at_s=self._times[self._index],
             length_s=self._times[-1],
@@ -294,6 +315,7 @@ class Player:
             playing=self._playing,
             where=self._where(),
             jumps=self._jumps,
+            leads=leads,
         )
 
     def _where(self) -> str:

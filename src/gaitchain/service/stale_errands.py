@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from gaitchain.live.driver_lease import LEASE_S
-from gaitchain.live.messages import Errand, Telemetry
+from gaitchain.live.messages import Errand, GoTo, Telemetry
 
 _DRIVERS = 32  # names are free, so the first of more is forgotten
 
@@ -47,7 +47,8 @@ class StaleErrands:
         """
         now_s, before = self._now(), self._asked.pop(errand.driver, None)
         loop_s, stale = -math.inf, False
-        if before and before.errand == errand and now_s - before.at_s < LEASE_S:
+        same = before is not None and _places(before.errand) == _places(errand)
+        if before and same and now_s - before.at_s < LEASE_S:
             loop_s, stale = before.loop_s, before.stale
         if telemetry is not None:
             loop_s, stale = telemetry.time_s, stale or telemetry.time_s < loop_s
@@ -59,3 +60,8 @@ class StaleErrands:
     def forget(self, driver: str) -> None:
         """Take it that a driver asked for something else."""
         self._asked.pop(driver, None)
+
+
+def _places(errand: Errand) -> tuple[object, ...]:
+    """Return where an errand leads; how low the robot walks there is no other place."""
+    return errand.places if isinstance(errand, GoTo) else errand.steps

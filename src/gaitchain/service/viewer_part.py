@@ -113,7 +113,9 @@ def watch(
         except msgspec.DecodeError:  # of another version of this package
             telemetry = None
         now_s = time.monotonic()
-        if telemetry is not None:
+        if telemetry is not None and telemetry.leads:
+            heard_s = now_s
+        elif telemetry is not None:
             view.show(telemetry, now_s - drawn_s)
             drawn_s = heard_s = now_s
         elif now_s - heard_s >= _SILENT_S:

@@ -79,7 +79,7 @@ def unsure_fields(robot: Robot) -> dict[str, float]:
 
 
 def doubt_field(robot: Robot) -> dict[str, float]:
-    """Return the one of `unsure_fields` that is not 0, if anything was identified."""
+    """Return the field of what is unsure itself, if anything was identified."""
     return {} if robot.identified is None else {"doubt": 1.0}
 
 

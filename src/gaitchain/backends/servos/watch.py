@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from statistics import median
 
 import numpy as np
 
@@ -50,6 +51,8 @@ class ServoWatch:
         self._heat = dict.fromkeys(labels, np.nan)
         self._volts: dict[int, float] = {}
         self._highest_v = 0.0
+        self.supply_v: float | None = None
+        """Median of what the servos measure of their supply, None while unknown [V]."""
         self._alerts: list[int] = []
         self._turn, self._retried_s = 0, 0.0
 
@@ -68,11 +71,6 @@ class ServoWatch:
     def temperatures(self) -> Array:
         """(n,) temperatures, NaN where unknown [deg C]."""
         return np.array([self._heat[number] for number in self._ids])
-
-    @property
-    def supply_v(self) -> float | None:
-        """Median of what the servos measure of their supply, None while unknown [V]."""
-        return float(np.median([*self._volts.values()])) if self._volts else None
 
     def engage(self) -> None:
         """Record that all torques are on and all watchdogs armed."""
@@ -117,7 +115,8 @@ class ServoWatch:
         self._missed[number] = 0
         if not state:
             self._heat[number], self._volts[number] = make.supply_state(answer.data)
-            self._highest_v = max(self._highest_v, self.supply_v or 0.0)
+            self.supply_v = median(self._volts.values())
+            self._highest_v = max(self._highest_v, self.supply_v)
             return
         found = make.status(answer.data)
         self._errors[number], self._torque[number] = found.errors, found.torque
@@ -141,7 +140,7 @@ class ServoWatch:
         if volts is not None and volts < _SAGGED * self._highest_v:
             notes.append(
                 f"the supply has {volts:.1f} V, and had {self._highest_v:.1f} V: "
-                "change or charge the battery"
+                "charge or change the battery, or look at its cables"
             )
         return "; ".join(notes)
 

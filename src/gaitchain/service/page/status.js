@@ -96,7 +96,7 @@ export class Status {
     const share = link.sent > 0 ? link.lost / link.sent : 0;
     const lost = link.sent ? `${fixed(link.lost, 0)} of ${fixed(link.sent, 0)} lost` : "none lost";
     const supply = link.supply > 0 ? `, ${fixed(link.supply, 1)} V` : "";
-    say(page.robotLink, (link.note || lost) + supply);
+    say(page.robotLink, link.note || lost + supply);
     page.linkFact.dataset.level = link.note || share > 0.01 ? "warn" : "good";
   }
 

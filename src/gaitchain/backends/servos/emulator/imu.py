@@ -29,7 +29,7 @@ class EmulatedImu:
         """(3,) angular velocity in the trunk's frame [rad/s]."""
         self.acceleration: Array = np.array([0.0, 0.0, GRAVITY])
         """(3,) acceleration with gravity in the trunk's frame [m/s^2]."""
-        self.noise = 1.0
+        self.noise_factor = 1.0
         """How much it is of a usual IMU's, at least one count; without any it counts as
         stuck."""
         self._as = calibration
@@ -63,7 +63,7 @@ class EmulatedImu:
     def _rustle(self, counts: float) -> Array:
         """Draw noise of a standard deviation; below a count nothing would change."""
         least = 0.0 if self._as.format == "float32" else 1.0
-        return self._random.normal(0.0, self.noise * max(counts, least), 3)
+        return self._random.normal(0.0, self.noise_factor * max(counts, least), 3)
 
     def _packed(self, counts: Array) -> bytes:
         if self._as.format == "float32":
