@@ -101,6 +101,10 @@ class FakeLoop:
         """Go on with the time of a loop that has just begun."""
         self._ticks = 0
 
+    def grow_old(self):
+        """Go on with the time of a loop that has run for an hour."""
+        self._ticks = round(3600.0 / _PERIOD_S)
+
     def until_asked(self, *kinds):
         """Return the next request of these kinds."""
         while not isinstance(request := self.asked.get(timeout=PATIENCE_S), kinds):
