@@ -193,10 +193,10 @@ class LayeredChainModel:
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Return the hyper-parameters; `deep` is for tools that pass it.
 
-        Those that the constructor of a subclass takes by ** are not among them.
+        Those that a subclass takes by any other keyword are not among them.
 
         Raises:
-            ChainError: it takes some by *, which have no name.
+            ChainError: a subclass takes some by place alone, which have no name.
         """
         known = signature(type(self)).parameters.values()
         if many := [p.name for p in known if p.kind is Parameter.VAR_POSITIONAL]:
