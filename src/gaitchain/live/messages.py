@@ -48,6 +48,10 @@ class Mode(StrEnum):
     is then tried again from time to time."""
 
 
+UNPLANNED = (Mode.OFF, Mode.STOPPED, Mode.GETTING_UP)
+"""Modes in which no foot is planned to support the robot, and no walk is judged."""
+
+
 class TroubleKind(StrEnum):
     """Why the robot is SAFE or STOPPED."""
 

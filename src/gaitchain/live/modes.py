@@ -30,8 +30,6 @@ _BLOCKED = math.radians(5.0)
 _LONGEST = 1000  # characters of a note: it is kept, sent on and logged
 LIMP = (Mode.OFF, Mode.STOPPED)
 """Modes with the torque off."""
-UNPLANNED = (*LIMP, Mode.GETTING_UP)
-"""Modes in which no foot is planned to support the robot."""
 _DriverAsks = (
     ask.Start
     | ask.Rest

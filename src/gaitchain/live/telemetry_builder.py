@@ -5,8 +5,8 @@ import math
 from gaitchain.analysis.recorder import planned_support, planned_zmp
 from gaitchain.backends.base import numbers
 from gaitchain.live.event_log import EventLog
-from gaitchain.live.messages import Choice, Pace, Telemetry
-from gaitchain.live.modes import BALANCED, UNPLANNED, ModeMachine
+from gaitchain.live.messages import UNPLANNED, Choice, Pace, Telemetry
+from gaitchain.live.modes import BALANCED, ModeMachine
 from gaitchain.live.safe_backend import SafeBackend
 from gaitchain.messages import PanelMessage, Sensors
 from gaitchain.walker.generator import Decision

@@ -11,7 +11,7 @@ from gaitchain.analysis.record import WalkRecord
 from gaitchain.analysis.recorder import Recorder, WalkSample
 from gaitchain.errors import CommandError, RecordError
 from gaitchain.gait.motion import Timing
-from gaitchain.live.messages import Choice, Mode, Telemetry
+from gaitchain.live.messages import UNPLANNED, Choice, Mode, Telemetry
 from gaitchain.messages import Command, PanelMessage
 from gaitchain.robot.robot import Robot
 from gaitchain.walker.generator import Decision
@@ -19,7 +19,6 @@ from gaitchain.walker.generator import Decision
 LONGEST_S = 60.0
 """So much before a fall is looked at [s]."""
 _FROM_OUTSIDE = ("push", "world")  # kinds of events that disturb the robot
-_NOT_JUDGED = (Mode.OFF, Mode.STOPPED, Mode.GETTING_UP)
 _PLAIN = re.compile(r"\w+ to \w+")  # a change of mode without a reason, as to walk
 _OF_SWING = ("sway", "outward")
 _OF_MOVE = ("hip_x", "hip_height", "turn")
@@ -41,7 +40,7 @@ class _Rows:
     def take(self, t: Telemetry) -> None:
         """Take a row; one that was limp for long tells nothing, if it is no fall."""
         self._last_s = t.time_s
-        if t.mode not in _NOT_JUDGED:
+        if t.mode not in UNPLANNED:
             self.powered, self._powered_s = True, t.time_s
         limp_s = t.time_s - self._powered_s
         if self.powered and limp_s > LONGEST_S and not t.fell:
@@ -163,8 +162,8 @@ def _last_powered_run(rows: Sequence[Telemetry]) -> list[Telemetry]:
     before = Mode.OFF
     for t in rows:
         rose = t.mode is Mode.RISING and before is not Mode.RISING
-        if t.mode not in _NOT_JUDGED:
-            if rose or before in _NOT_JUDGED:
+        if t.mode not in UNPLANNED:
+            if rose or before in UNPLANNED:
                 runs.append([])
             runs[-1].append(t)
         before = t.mode
